@@ -1,0 +1,150 @@
+"""Holes and short circuits: what was cut, what was joined, and what was not touched."""
+
+import numpy as np
+import pytest
+import scipy.stats
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import perturb
+from perturb import PerturbationError
+from tests.meshes import bundled
+from tests.perturb.test_geometry import distances_along_edges
+
+ANT = bundled("ant")
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def assert_exactly_these_faces_are_gone(mesh, result, removed):
+    kept = np.asarray(mesh.faces)[~removed]
+    there = np.flatnonzero(result.counterpart >= 0)
+    np.testing.assert_array_equal(there, np.unique(kept))
+    np.testing.assert_array_equal(result.counterpart[there], np.arange(len(there)))
+    np.testing.assert_array_equal(result.mesh.vertices, np.asarray(mesh.vertices)[there])
+    np.testing.assert_array_equal(result.mesh.faces, result.counterpart[kept])
+    assert result.applied["triangles_removed"] == np.count_nonzero(removed)
+    assert result.applied["vertices_removed"] == len(mesh.vertices) - len(there)
+
+
+@settings(max_examples=30, deadline=None)
+@given(count=st.integers(0, 900), seed=st.integers(0, 2**32))
+def test_holes_remove_exactly_the_sampled_triangles(count, seed):
+    holes = perturb.Holes(count)
+    sampled = holes.sample(ANT, rng(seed))["triangles"]
+    removed = np.isin(np.arange(len(ANT.faces)), sampled)
+    assert np.count_nonzero(removed) == count
+    assert_exactly_these_faces_are_gone(ANT, holes(ANT, rng(seed)), removed)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1, 0.15, 0.2])
+def test_a_share_of_triangles_is_that_share_at_figure_12_levels(psb_mesh, share):
+    mesh = psb_mesh(10)
+    applied = perturb.Holes(share, "share_of_triangles")(mesh, rng()).applied
+    assert applied["triangles_removed"] == round(share * len(mesh.faces))
+    assert applied["faces_after"] == len(mesh.faces) - applied["triangles_removed"]
+
+
+def test_one_rings_remove_every_triangle_at_the_sampled_vertices():
+    mesh = bundled("bunny")
+    holes = perturb.Holes(58, "one_rings")
+    centres = set(holes.sample(mesh, rng())["vertices"].tolist())
+    removed = np.array([not centres.isdisjoint(face) for face in mesh.faces.tolist()])
+    assert len(centres) == 58
+    result = holes(mesh, rng())
+    assert_exactly_these_faces_are_gone(mesh, result, removed)
+    assert (result.counterpart[sorted(centres)] == -1).all()
+
+
+def test_every_triangle_is_equally_likely_to_go():
+    generator = rng(5)
+    holes = perturb.Holes(0.1, "share_of_triangles")
+    hits = np.zeros(len(ANT.faces))
+    for _ in range(1000):
+        hits[holes.sample(ANT, generator)["triangles"]] += 1
+    # Without replacement the counts vary less than a multinomial's, by the factor 1 - share.
+    statistic = scipy.stats.chisquare(hits).statistic / (1 - 91 / 912)
+    assert 0.001 < scipy.stats.chi2(len(hits) - 1).cdf(statistic) < 0.999
+
+
+@pytest.fixture(scope="module", params=["cow", 10, 124, 184, 203])
+def short_circuited(request):
+    """A closed mesh, the parameters of eight tubes, and what they give."""
+    mesh = bundled("cow") if request.param == "cow" else request.getfixturevalue("psb_mesh")(request.param)
+    circuits = perturb.ShortCircuits(8)
+    parameters = circuits.sample(mesh, rng(1))
+    return mesh, parameters, circuits.apply(mesh, parameters)
+
+
+def test_tubes_keep_a_closed_surface_closed_and_oriented_and_add_a_handle_each(short_circuited):
+    mesh, _, result = short_circuited
+    assert mesh.is_watertight
+    assert result.mesh.is_watertight
+    assert result.mesh.is_winding_consistent
+    _, uses = np.unique(result.mesh.edges_sorted, axis=0, return_counts=True)
+    assert (uses == 2).all()
+    assert result.mesh.euler_number == mesh.euler_number - 2 * 8
+    assert result.applied["components_after"] == result.applied["components_before"]
+    assert result.applied["tubes"] == 8
+    assert result.applied["tubes_between_components"] == 0
+
+
+def test_tubes_leave_vertices_and_all_other_faces_alone(short_circuited):
+    mesh, parameters, result = short_circuited
+    ends = parameters["triangles"]
+    np.testing.assert_array_equal(result.mesh.vertices, mesh.vertices)
+    np.testing.assert_array_equal(result.counterpart, np.arange(len(mesh.vertices)))
+    others = np.delete(mesh.faces, ends.ravel(), axis=0)
+    np.testing.assert_array_equal(result.mesh.faces[: len(others)], others)
+    assert result.applied["faces_after"] == len(mesh.faces) - 16 + 48
+    # No two tubes share a vertex, and each joins the corners of its own two triangles.
+    tubes = np.asarray(result.mesh.faces)[len(others) :].reshape(8, 18)
+    corners = np.asarray(mesh.faces)[ends].reshape(8, 6)
+    assert len(np.unique(corners)) == 8 * 6
+    np.testing.assert_array_equal([np.unique(tube) for tube in tubes], np.sort(corners, axis=1))
+
+
+def test_ends_are_near_in_space_and_far_along_the_surface(short_circuited):
+    mesh, parameters, result = short_circuited
+    applied = result.applied
+    diagonal = np.linalg.norm(mesh.extents)
+    start, end = np.asarray(mesh.vertices)[parameters["vertices"]].transpose(1, 0, 2)
+    length = np.linalg.norm(start - end, axis=1)
+    assert (length <= applied["near_used"] * diagonal * (1 + 1e-12)).all()
+    assert applied["near"] <= applied["near_used"] <= applied["far"] / 1.5 * (1 + 1e-12)
+    assert applied["longest_tube"] == pytest.approx(length.max(), rel=1e-12)
+    for first, second in parameters["vertices"][:3].tolist():
+        assert distances_along_edges(mesh, first)[second] > applied["far"] * diagonal
+    for column in range(2):
+        corners = np.asarray(mesh.faces)[parameters["triangles"][:, column]]
+        assert (corners == parameters["vertices"][:, [column]]).any(axis=1).all()
+
+
+def test_near_is_widened_only_where_it_has_to_be(psb_mesh):
+    # The cup's two walls are close; the plier is nowhere thin and long at once.
+    for model, widened in ((23, False), (203, True)):
+        applied = perturb.ShortCircuits(8)(psb_mesh(model), rng()).applied
+        assert (applied["near_used"] > applied["near"]) == widened
+
+
+def test_two_components_are_far_apart_and_joined():
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    other = ball.copy()
+    other.apply_translation([2.1, 0, 0])
+    pair = trimesh.util.concatenate(ball, other)
+    result = perturb.ShortCircuits(1)(pair, rng())
+    assert result.applied["tubes_between_components"] == 1
+    assert result.applied["components_before"] == 2
+    assert result.applied["components_after"] == 1
+    assert result.mesh.is_watertight
+    assert result.mesh.is_winding_consistent
+    assert result.mesh.euler_number == pair.euler_number - 2
+
+
+def test_a_shape_without_such_places_is_refused_with_what_was_found():
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    with pytest.raises(PerturbationError, match=r"3 tubes are asked for and 0 found, .*lower amount or far"):
+        perturb.ShortCircuits(3)(sphere, rng())
