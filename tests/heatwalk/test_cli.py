@@ -1,0 +1,197 @@
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import heatwalk
+from heatwalk.cli import main
+from heatwalk.meshes import label_colours, read_mesh, read_seg
+from tests.meshes import bundled_path
+
+ROOT = Path(heatwalk.__file__).parents[1]
+
+
+@pytest.fixture
+def in_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def stderr_line(capsys):
+    """The one line on stderr, of a command that printed nothing else there."""
+    error = capsys.readouterr().err
+    assert re.fullmatch(r"heatwalk: error: [^\n]+\n", error)
+    return error.removeprefix("heatwalk: error: ").rstrip()
+
+
+def test_segment_writes_what_the_function_gives_in_the_current_directory(in_empty_folder, capsys):
+    path = bundled_path("cow")
+    assert main(["segment", str(path)]) == 0
+    assert sorted(p.name for p in in_empty_folder.iterdir()) == ["cow_segments.ply", "cow_segments.seg"]
+
+    cow = read_mesh(path)
+    expected = heatwalk.segment(cow.vertices, cow.faces)
+    assert np.array_equal(read_seg("cow_segments.seg"), expected.face_labels)
+    written = trimesh.load("cow_segments.ply", process=False)
+    assert np.array_equal(written.vertices, cow.vertices.astype(np.float32))
+    assert np.array_equal(written.faces, cow.faces)
+    colours = label_colours(expected.labels, dissipator=len(expected.exemplars))
+    assert np.array_equal(written.visual.vertex_colors, colours)
+    assert capsys.readouterr().err == ""
+
+
+def test_segment_prints_the_size_of_every_segment(in_empty_folder, capsys):
+    path = bundled_path("cow")
+    main(["segment", str(path)])
+    printed = capsys.readouterr().out
+    cow = read_mesh(path)
+    labels = heatwalk.segment(cow.vertices, cow.faces).labels
+    rows = re.findall(r"^ +(\d+|dissipator) +([\d,]+) +([\d.]+)%$", printed, flags=re.MULTILINE)
+    sizes = {name: int(size.replace(",", "")) for name, size, _ in rows}
+    assert sum(sizes.values()) == len(cow.vertices)
+    n_accumulators = labels.max()
+    assert sizes.pop("dissipator") == np.count_nonzero(labels == n_accumulators)
+    assert sizes == {str(label): np.count_nonzero(labels == label) for label in range(n_accumulators)}
+    assert f"{n_accumulators} accumulator regions, a dissipator region" in printed
+    assert "cow_segments.ply, cow_segments.seg" in printed
+
+
+def test_segment_takes_a_time_and_an_output(in_empty_folder, capsys):
+    path = bundled_path("cow")
+    assert main(["segment", str(path), "--time", "0.3", "--output", "a.b.PLY"]) == 0
+    cow = read_mesh(path)
+    expected = heatwalk.segment(cow.vertices, cow.faces, time=0.3)
+    assert np.array_equal(read_seg("a.b.seg"), expected.face_labels)
+    assert len(expected.exemplars) > len(heatwalk.segment(cow.vertices, cow.faces).exemplars)
+
+
+def test_segment_shows_twenty_segments_of_a_mesh_that_has_more_and_counts_the_rest(in_empty_folder, capsys):
+    ant = read_mesh(bundled_path("ant"))
+    n_segments = heatwalk.segment(ant.vertices, ant.faces).n_segments
+    assert n_segments > 20
+    main(["segment", str(bundled_path("ant"))])
+    printed = capsys.readouterr().out
+    assert len(re.findall(r"^ +\d+ .*%$", printed, flags=re.MULTILINE)) == 20
+    assert f"{n_segments - 20} smaller segments" in printed
+    assert f"{heatwalk.inspect_mesh(ant.vertices, ant.faces).n_components} components" in printed
+
+
+def test_what_reading_changed_is_printed(in_empty_folder, capsys):
+    for command in ("segment", "inspect"):
+        assert main([command, str(bundled_path("bone"))]) == 0
+        assert "  note: dropped 359 vertices that belong to no face\n" in capsys.readouterr().out
+
+
+def test_inspect_prints_the_report(capsys):
+    assert main(["inspect", str(bundled_path("bunny"))]) == 0
+    printed = dict(re.findall(r"^  (\S+(?: \S+)*)  +(.+)$", capsys.readouterr().out, flags=re.MULTILINE))
+    bunny = read_mesh(bundled_path("bunny"))
+    report = heatwalk.inspect_mesh(bunny.vertices, bunny.faces)
+    assert printed == {
+        "components": f"{report.n_components}",
+        "boundary edges": f"{report.n_boundary_edges} in {report.n_boundary_loops} loops",
+        "non-manifold edges": f"{report.n_nonmanifold_edges}",
+        "degenerate faces": f"{report.n_degenerate_faces}",
+        "duplicate faces": f"{report.n_duplicate_faces}",
+        "watertight": "yes" if report.is_watertight else "no",
+        "consistently oriented": "yes" if report.is_consistently_oriented else "no",
+        "Euler characteristic": f"{report.euler_characteristic}",
+        "area": f"{report.area:.6g}",
+        "mean edge length": f"{report.mean_edge_length:.6g}",
+        "bounding-box diagonal": f"{report.bounding_box_diagonal:.6g}",
+        "can be segmented": "yes",
+    }
+
+
+def test_inspect_reports_a_mesh_that_cannot_be_segmented_and_says_why(in_empty_folder, capsys):
+    Path("flat.off").write_text("OFF\n4 2 0\n0 0 0\n1 0 0\n2 0 0\n3 0 0\n3 0 1 2\n3 1 2 3\n")
+    assert main(["inspect", "flat.off"]) == 2
+    printed = capsys.readouterr()
+    assert re.search(r"can be segmented +no\n", printed.out)
+    assert printed.err == "heatwalk: error: flat.off: all 2 triangles are degenerate: the mesh has no area\n"
+
+
+@pytest.mark.parametrize("time", ["0", "-1", "nan", "inf", "long"])
+def test_a_time_that_is_not_positive_and_finite_is_refused(time, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["segment", "cow.obj", f"--time={time}"])
+    assert stopped.value.code == 2
+    assert f"argument --time: must be a positive, finite number, got '{time}'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("output", ["out.obj", "out", "ply", ""])
+def test_an_output_that_is_no_ply_is_refused(output, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["segment", "cow.obj", "--output", output])
+    assert stopped.value.code == 2
+    assert f"argument --output: must end in .ply, got '{output}'" in capsys.readouterr().err
+
+
+def test_an_output_folder_that_does_not_exist_is_refused(in_empty_folder, capsys):
+    assert main(["segment", str(bundled_path("ant")), "--output", "gone/ant.ply"]) == 2
+    assert stderr_line(capsys) == "gone/ant.ply: cannot be written: no such directory"
+
+
+def test_an_output_that_cannot_be_written_is_refused(in_empty_folder, capsys):
+    Path("ant.ply").mkdir()
+    assert main(["segment", str(bundled_path("ant")), "--output", "ant.ply"]) == 2
+    assert stderr_line(capsys) == "ant.ply: cannot be written: Is a directory"
+
+
+def test_the_output_never_overwrites_the_mesh(in_empty_folder, capsys):
+    data = bundled_path("ant").read_bytes()
+    Path("ant.ply").write_bytes(data)
+    assert main(["segment", "ant.ply", "--output", "./ant.ply"]) == 2
+    assert "would overwrite the mesh" in stderr_line(capsys)
+    assert Path("ant.ply").read_bytes() == data
+
+
+def test_version_and_help_say_what_there_is(capsys):
+    for arguments in (["--version"], ["--help"], ["segment", "--help"], ["inspect", "--help"]):
+        with pytest.raises(SystemExit) as stopped:
+            main(arguments)
+        assert stopped.value.code == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"heatwalk {heatwalk.__version__}\n")
+    assert "heatwalk segment cow.obj --time 1 --output cow_segments.ply" in printed
+
+
+def test_no_command_is_refused(capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([])
+    assert stopped.value.code == 2
+
+
+def run(*arguments):
+    return subprocess.run(
+        [sys.executable, "-c", "from heatwalk.cli import main; raise SystemExit(main())", *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+
+
+def test_as_a_process_a_bad_mesh_gives_one_line_and_exit_code_2(tmp_path):
+    path = tmp_path / "bad.off"
+    path.write_text("OFF\n4 4 0\n0 0 0\n")
+    process = run("segment", path)
+    assert process.returncode == 2
+    assert process.stdout == ""
+    assert process.stderr == f"heatwalk: error: {path}: declares 4 faces and holds 0: the file is cut short\n"
+
+
+def test_what_trimesh_logs_about_a_file_does_not_reach_the_user(tmp_path):
+    path = tmp_path / "normals.stl"
+    facets = "".join(
+        "facet normal of words\nouter loop\n" + "".join(f"vertex {v}\n" for v in corners) + "endloop\nendfacet\n"
+        for corners in (["0 0 0", "0 1 0", "1 0 0"], ["0 0 0", "1 0 0", "0 0 1"], ["1 0 0", "0 1 0", "0 0 1"])
+    )
+    path.write_text(f"solid\n{facets}endsolid\n")
+    process = run("inspect", path)
+    assert process.returncode == 0
+    assert "4 vertices, 3 faces" in process.stdout
+    assert process.stderr == ""

@@ -1,0 +1,153 @@
+import tracemalloc
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+import heatwalk
+from heatwalk.segmentation import faces_from_vertices
+from tests.meshes import bundled
+
+REAL = ["ant", "cow", "bunny", "airplane"]
+
+
+def partition(labels):
+    """The labels with each segment renamed to its smallest vertex: the same for the same partition."""
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    return first[inverse]
+
+
+def segmented(mesh, **options):
+    return heatwalk.segment(mesh.vertices, mesh.faces, **options)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_the_result_is_what_its_documentation_says(name):
+    mesh = bundled(name)
+    seg = segmented(mesh)
+    k = len(seg.exemplars)
+    assert seg.labels.shape == seg.accumulator_labels.shape == (len(mesh.vertices),)
+    assert seg.face_labels.shape == (len(mesh.faces),)
+    assert set(seg.accumulator_labels) == set(range(k))
+    assert set(seg.labels) <= set(range(k + 1))
+    assert (np.diff(seg.exemplars) > 0).all()
+    assert seg.accumulator_labels[seg.exemplars].tolist() == list(range(k))
+    kept = seg.labels < k
+    assert np.array_equal(seg.labels[kept], seg.accumulator_labels[kept])
+    assert np.array_equal(~kept, seg.dissipates)
+    assert seg.n_components == mesh.body_count
+
+
+# The ant and the airplane are mirror images of themselves: there the vertex order decides between equal peaks.
+@pytest.mark.parametrize("name", ["cow", "bunny"])
+def test_the_order_of_vertices_and_faces_does_not_matter(name):
+    mesh = bundled(name)
+    rng = np.random.default_rng(5)
+    order, turn = rng.permutation(len(mesh.vertices)), rng.permutation(len(mesh.faces))
+    place = np.argsort(order)
+    shuffled = heatwalk.segment(mesh.vertices[order], np.roll(place[mesh.faces[turn]], 1, axis=1))
+    seg = segmented(mesh)
+    assert np.array_equal(np.sort(order[shuffled.exemplars]), seg.exemplars)
+    assert np.array_equal(partition(shuffled.labels[place]), partition(seg.labels))
+    assert np.array_equal(shuffled.dissipates[place], seg.dissipates)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_rigid_motions_do_not_matter(name):
+    mesh = bundled(name)
+    rotation = Rotation.random(rng=np.random.default_rng(1)).as_matrix()
+    moved = heatwalk.segment(mesh.vertices @ rotation.T + mesh.extents * [3, -2, 1], mesh.faces)
+    assert np.array_equal(moved.labels, segmented(mesh).labels)
+
+
+@pytest.mark.parametrize("factor", [1e-30, 0.5, 1.5, 3, 10, 1e30])
+@pytest.mark.parametrize("name", REAL)
+def test_scale_does_not_matter(name, factor):
+    mesh = bundled(name)
+    seg = heatwalk.segment(factor * mesh.vertices, mesh.faces)
+    assert np.array_equal(seg.labels, segmented(mesh).labels)
+
+
+def test_the_input_is_left_as_it_is():
+    mesh = bundled("ant")
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    before = vertices.copy(), faces.copy()
+    heatwalk.segment(vertices, faces)
+    assert np.array_equal(vertices, before[0])
+    assert np.array_equal(faces, before[1])
+
+
+@pytest.mark.parametrize("convert", [np.ndarray.tolist, lambda a: a.astype(a.dtype.kind + "4"), np.asfortranarray])
+def test_lists_and_other_number_types_do(convert):
+    mesh = bundled("ant")
+    vertices = np.asarray(mesh.vertices).astype(np.float32).astype(np.float64)
+    seg = heatwalk.segment(convert(vertices), convert(np.asarray(mesh.faces)))
+    assert np.array_equal(seg.labels, heatwalk.segment(vertices, mesh.faces).labels)
+
+
+def test_time_units_say_the_same_time():
+    mesh = bundled("cow")
+    paper = segmented(mesh, time=1.2)
+    assert paper.standard_time == pytest.approx(0.2)
+    assert paper.fiedler_time == pytest.approx(0.2 * paper.spectrum.eigenvalues[0, 1])
+    for unit, time in [("standard", paper.standard_time), ("fiedler", paper.fiedler_time)]:
+        other = segmented(mesh, time=time, time_unit=unit)
+        assert other.time == pytest.approx(1.2)
+        assert np.array_equal(other.labels, paper.labels)
+
+
+def test_longer_times_leave_fewer_exemplars():
+    counts = [len(segmented(bundled("ant"), time=time).exemplars) for time in (0.1, 1, 10)]
+    assert counts[0] > counts[1] > counts[2] >= 1
+
+
+def test_split_dissipators_are_the_connected_pieces_of_the_one_region():
+    mesh = bundled("cow")
+    whole, split = segmented(mesh, time=0.3), segmented(mesh, time=0.3, split_dissipators=True)
+    k = len(whole.exemplars)
+    assert np.array_equal(split.labels >= k, whole.labels == k)
+    assert np.array_equal(split.labels[split.labels < k], whole.labels[whole.labels < k])
+    inside = mesh.edges_unique[whole.dissipates[mesh.edges_unique].all(axis=1)]
+    assert (split.labels[inside[:, 0]] == split.labels[inside[:, 1]]).all()
+    pieces = trimesh.graph.connected_components(inside, nodes=np.flatnonzero(whole.dissipates))
+    assert len(pieces) > 1
+    assert split.labels.max() == k + len(pieces) - 1
+
+
+def test_several_components_share_one_dissipator_region_and_no_accumulator():
+    ant, cow = bundled("ant"), bundled("cow")
+    seg = segmented(trimesh.util.concatenate([ant, cow]))
+    n = len(ant.vertices)
+    assert not set(seg.accumulator_labels[:n]) & set(seg.accumulator_labels[n:])
+
+
+def test_faces_take_the_label_two_corners_agree_on_else_the_first_corners():
+    labels = np.array([0, 1, 2, 1])
+    faces = np.array([[0, 1, 3], [1, 0, 3], [1, 3, 0], [0, 1, 2], [2, 1, 0], [0, 0, 1]])
+    assert faces_from_vertices(labels, faces).tolist() == [1, 1, 1, 0, 2, 0]
+
+
+@pytest.mark.parametrize("time", [0, -1, np.nan, np.inf])
+def test_a_time_that_is_not_positive_is_refused(time):
+    with pytest.raises(ValueError, match="time must be positive and finite"):
+        segmented(bundled("ant"), time=time)
+
+
+@pytest.mark.parametrize(
+    ("option", "valid"), [("time_unit", "paper, standard, fiedler"), ("density", "vertices, area")]
+)
+def test_an_unknown_option_is_refused_with_the_valid_ones(option, valid):
+    with pytest.raises(ValueError, match=f"{option} must be one of {valid}, not 'furlong'"):
+        segmented(bundled("ant"), **{option: "furlong"})
+
+
+def test_memory_stays_in_proportion_to_the_vertices(monkeypatch):
+    monkeypatch.setattr("heatwalk.kernel.BLOCK_BYTES", 2**20)
+    mesh = trimesh.creation.icosphere(4)  # 2562 vertices: the n x n kernel would take 52 MB
+    segmented(mesh)
+    tracemalloc.start()
+    segmented(mesh).divergence_from_region  # noqa: B018
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 15e6

@@ -1,0 +1,150 @@
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+import trimesh
+
+from heatwalk import spectrum as spectrum_module
+from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
+from heatwalk.spectrum import SpectrumError, SpectrumSolver
+from tests.meshes import bundled
+
+
+def solver(vertices, faces, scale=True):
+    points = unit_area(vertices, faces) if scale else vertices
+    stiffness, mass = stiffness_and_mass(points, faces)
+    return SpectrumSolver(stiffness, mass, vertex_components(len(vertices), faces))
+
+
+def flat_torus(n):
+    """Stiffness and mass of the square torus of area 1 with n² vertices.
+
+    It has no place in space without bending; all its triangles are congruent to one of the plane, and only the
+    connectivity wraps around.
+    """
+    i, j = np.divmod(np.arange(n * n), n)
+    here, right = i * n + j, i * n + (j + 1) % n
+    up, across = (i + 1) % n * n + j, (i + 1) % n * n + (j + 1) % n
+    faces = np.vstack([np.column_stack([here, right, across]), np.column_stack([across, up, here])])
+    triangle = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0]]) / n
+    local, mass = stiffness_and_mass(triangle, np.array([[0, 1, 2]]))
+    entries = np.tile(local.toarray().ravel(), len(faces))
+    stiffness = sp.coo_array((entries, (np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel())))
+    return stiffness.tocsc(), np.bincount(faces.ravel(), np.tile(mass, len(faces)))
+
+
+def test_eigenvalues_of_the_sphere_converge_under_refinement():
+    exact = 4 * np.pi * np.repeat([k * (k + 1) for k in range(6)], [2 * k + 1 for k in range(6)])
+    errors = []
+    for level in (3, 4, 5):
+        mesh = trimesh.creation.icosphere(level)
+        found = solver(mesh.vertices, mesh.faces).up_to(exact[-1] + 20).eigenvalues[0]
+        assert len(found) == 36  # every one of the multiple eigenvalues' 1 + 3 + 5 + 7 + 9 + 11 copies
+        errors.append(np.abs(found[1:] / exact[1:] - 1).max())
+    assert errors[2] < 0.005
+    # The error is proportional to the squared edge length, which each level halves.
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.15)
+    assert errors[1] / errors[2] == pytest.approx(4, rel=0.15)
+
+
+def test_eigenvalues_of_the_flat_torus_converge_under_refinement():
+    waves = np.array([a * a + b * b for a in range(-4, 5) for b in range(-4, 5)])
+    exact = 4 * np.pi**2 * np.sort(waves[waves <= 5])
+    errors = []
+    for n in (20, 40, 80):
+        stiffness, mass = flat_torus(n)
+        found = SpectrumSolver(stiffness, mass, np.zeros(n * n, dtype=int)).up_to(exact[-1] * 1.1).eigenvalues[0]
+        assert len(found) == len(exact)
+        errors.append(np.abs(found[1:] / exact[1:] - 1).max())
+    assert errors[2] < 0.01
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.15)
+    assert errors[1] / errors[2] == pytest.approx(4, rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["ant", "airplane"])
+def test_eigenpairs_are_those_of_a_dense_solver(name):
+    mesh = bundled(name)
+    points = unit_area(mesh.vertices, mesh.faces)
+    stiffness, mass = stiffness_and_mass(points, mesh.faces)
+    component = vertex_components(len(points), mesh.faces)
+    found = SpectrumSolver(stiffness, mass, component).up_to(400)
+    expected = scipy.linalg.eigh(stiffness.toarray(), np.diag(mass), eigvals_only=True)
+    expected = expected[expected <= 400]
+    ours = np.sort(found.eigenvalues[np.isfinite(found.eigenvalues)])
+    np.testing.assert_allclose(ours[: len(expected)], expected, rtol=1e-8, atol=1e-8)
+    assert found.residual <= spectrum_module.LARGEST_RESIDUAL
+
+
+def test_eigenvectors_are_orthonormal_under_the_mass_and_satisfy_the_equation():
+    mesh = bundled("bunny")
+    points = unit_area(mesh.vertices, mesh.faces)
+    stiffness, mass = stiffness_and_mass(points, mesh.faces)
+    found = SpectrumSolver(stiffness, mass, vertex_components(len(points), mesh.faces)).up_to(300)
+    values, vectors = found.eigenvalues[0], found.eigenvectors
+    assert len(values) > 20
+    np.testing.assert_allclose(vectors.T @ (mass[:, None] * vectors), np.eye(len(values)), atol=1e-9)
+    np.testing.assert_allclose(stiffness @ vectors, mass[:, None] * vectors * values, atol=1e-7)
+    assert np.ptp(vectors[:, 0]) < 1e-13 * abs(vectors[0, 0])
+
+
+def test_the_same_mesh_gives_the_same_bits():
+    mesh = bundled("bunny")
+    first, second = (solver(mesh.vertices, mesh.faces).up_to(200) for _ in range(2))
+    assert np.array_equal(first.eigenvalues, second.eigenvalues)
+    assert np.array_equal(first.eigenvectors, second.eigenvectors)
+
+
+def test_asking_again_for_more_extends_what_was_found():
+    mesh = bundled("bunny")
+    once = solver(mesh.vertices, mesh.faces)
+    few, many = once.up_to(60), once.up_to(500)
+    assert few.eigenvalues.shape[1] < many.eigenvalues.shape[1]
+    assert few.eigenvalues.max() <= 60 < many.eigenvalues.max() <= 500
+    np.testing.assert_allclose(many.eigenvalues[0, : few.eigenvalues.shape[1]], few.eigenvalues[0], rtol=1e-9)
+
+
+def test_a_limit_inside_a_multiple_eigenvalue_keeps_all_its_copies():
+    mesh = trimesh.creation.icosphere(4)
+    once = solver(mesh.vertices, mesh.faces)
+    triple = once.up_to(60).eigenvalues[0, 1:4]
+    assert np.ptp(triple) < 1e-6 * triple[0]
+    assert once.up_to(triple.min()).eigenvalues.shape[1] == 4
+
+
+def test_every_one_of_many_components_has_its_exact_constant():
+    rng = np.random.default_rng(2)
+    specks = [trimesh.creation.icosahedron() for _ in range(30)]
+    for speck in specks:
+        speck.apply_scale(rng.uniform(0.01, 0.05))
+        speck.apply_translation(rng.uniform(3, 9, 3))
+    mesh = trimesh.util.concatenate([bundled("bunny"), *specks])
+    found = solver(mesh.vertices, mesh.faces).up_to(200)
+    assert found.eigenvalues.shape[0] == 31
+    assert (found.eigenvalues[:, 0] == 0).all()
+    for c in range(31):
+        members = found.component == c
+        expected = 1 / np.sqrt(found.mass[members].sum())
+        np.testing.assert_allclose(found.eigenvectors[members, 0], expected, rtol=1e-12)
+
+
+def test_a_component_alone_and_among_others_has_the_same_eigenvalues():
+    bunny, ant = bundled("bunny"), bundled("ant")
+    both = trimesh.util.concatenate([bunny, ant])
+    points = unit_area(both.vertices, both.faces)
+    together = solver(points, both.faces, scale=False).up_to(300)
+    n = len(bunny.vertices)
+    alone = solver(points[:n], bunny.faces, scale=False).up_to(300)
+    values = together.eigenvalues[together.component[0]]
+    np.testing.assert_allclose(values[np.isfinite(values)], alone.eigenvalues[0], rtol=1e-9, atol=1e-9)
+
+
+def test_a_missed_residual_is_an_error(monkeypatch):
+    mesh = bundled("bunny")
+    monkeypatch.setattr(spectrum_module, "LARGEST_RESIDUAL", 1e-18)
+    with pytest.raises(SpectrumError, match=r"residual of .* remesh or clean"):
+        solver(mesh.vertices, mesh.faces).up_to(200)
+
+
+def test_fiedler_value_of_the_unit_area_sphere_is_eight_pi():
+    mesh = trimesh.creation.icosphere(5)
+    assert solver(mesh.vertices, mesh.faces).fiedler_value() == pytest.approx(8 * np.pi, rel=2e-3)
