@@ -1,0 +1,79 @@
+"""Any meshes in a folder."""
+
+import glob
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from heatwalk.meshes import LoadedMesh, read_mesh
+from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order
+
+SUFFIXES = (".off", ".obj", ".ply", ".stl")
+
+
+@dataclass(frozen=True)
+class FileModel(Model):
+    """A mesh in a file of its own."""
+
+    path: Path
+
+    def load(self) -> LoadedMesh:
+        return read_mesh(self.path)
+
+    def digest(self) -> str:
+        with self.path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+class Files(Dataset):
+    """The meshes in a folder and the folders below it, or those that a pattern matches.
+
+    A model is named after its path below the folder (of a pattern: below the part before its first wildcard),
+    without the suffix, and its category is the folder it lies in, "" for those at the top.
+
+    Parameters
+    ----------
+    glob : a folder, a file, or a pattern with ``*``, ``?``, ``[…]``, and ``**`` for any depth of folders. A
+        relative one counts from the working directory. Files of other suffixes than ``SUFFIXES`` are left
+        out.
+    name : what the dataset is called in the results
+    """
+
+    def __init__(self, glob: str | None, name: str = "files"):
+        self.name = name
+        self._glob = glob
+
+    def models(self) -> list[Model]:
+        if not self._glob:
+            raise DatasetError("the dataset 'files' needs a folder or a pattern: dataset.glob='my/meshes/**/*.off'")
+        top, pattern = _split(Path(self._glob).expanduser())
+        found = (Path(path) for path in glob.iglob(pattern, root_dir=top, recursive=True))
+        paths = sorted(
+            (path for path in found if path.suffix.lower() in SUFFIXES and (top / path).is_file()),
+            key=lambda path: natural_order(path.as_posix()),
+        )
+        if not paths:
+            raise DatasetError(
+                f"no mesh ({', '.join(SUFFIXES)}) matches dataset.glob={self._glob!r}, looked for from {Path.cwd()}"
+            )
+        models: dict[str, FileModel] = {}
+        for path in paths:
+            name = path.with_suffix("").as_posix()
+            if name in models:
+                raise DatasetError(
+                    f"{models[name].path} and {top / path} would both be the model {name!r}; "
+                    f"give a pattern that matches one of them, such as dataset.glob='{top}/**/*{path.suffix}'"
+                )
+            models[name] = FileModel(name, path.parent.name, (top / path).absolute())
+        return list(models.values())
+
+
+def _split(path: Path) -> tuple[Path, str]:
+    """The folder that names are relative to, and the pattern below it."""
+    if path.is_dir():
+        return path, "**/*"
+    if path.exists():
+        return path.parent, glob.escape(path.name)
+    parts = path.parts
+    fixed = next((i for i, part in enumerate(parts) if glob.has_magic(part)), len(parts) - 1)
+    return Path(*parts[:fixed]), str(Path(*parts[fixed:]))

@@ -1,0 +1,107 @@
+import pickle
+
+import numpy as np
+import pytest
+
+from studies.datasets import DatasetError
+from studies.datasets.files import Files
+from tests.meshes import bundled
+
+NAMES = ["cow2.off", "cow10.OBJ", "cow1.ply", "cats/b.stl", "cats/wild/a.off"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("my [meshes]")
+    mesh = bundled("ant")
+    for i, name in enumerate(NAMES):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        scaled = mesh.copy()
+        scaled.apply_scale(i + 1)
+        scaled.export(path, file_type=path.suffix[1:].lower())
+    (folder / "notes.txt").write_text("not a mesh")
+    (folder / "folder.off").mkdir()
+    return folder
+
+
+def named(dataset):
+    return [(model.name, model.category) for model in dataset.models()]
+
+
+def test_a_folder_is_searched_to_any_depth_in_natural_order(folder):
+    expected = [("cats/b", "cats"), ("cats/wild/a", "wild"), ("cow1", ""), ("cow2", ""), ("cow10", "")]
+    assert named(Files(str(folder))) == expected
+
+
+@pytest.mark.parametrize(
+    ("pattern", "names"),
+    [
+        ("*", ["cow1", "cow2", "cow10"]),
+        ("cow?.*", ["cow1", "cow2"]),
+        ("*.off", ["cow2"]),
+        ("**/*.off", ["cats/wild/a", "cow2"]),
+        ("cats/**/*", ["b", "wild/a"]),
+        ("c*s/*", ["cats/b"]),
+        ("cow10.OBJ", ["cow10"]),
+    ],
+)
+def test_a_pattern_names_models_by_their_path_below_its_fixed_part(folder, monkeypatch, pattern, names):
+    monkeypatch.chdir(folder)
+    assert [model.name for model in Files(pattern).models()] == names
+
+
+def test_a_relative_pattern_and_an_absolute_one_give_the_same_models(folder, monkeypatch):
+    monkeypatch.chdir(folder.parent)
+    assert Files(folder.name).models() == Files(str(folder)).models()
+
+
+def test_models_can_be_loaded_from_another_working_directory(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    sent = [pickle.dumps(model) for model in Files("*").models()]
+    monkeypatch.chdir("/")
+    for model, scale in zip(map(pickle.loads, sent), (3, 1, 2), strict=True):
+        np.testing.assert_allclose(model.load().vertices, scale * bundled("ant").vertices, rtol=1e-6)
+
+
+def test_a_digest_changes_with_the_file_and_with_nothing_else(tmp_path):
+    path, copy = tmp_path / "a.off", tmp_path / "other name.off"
+    bundled("ant").export(path)
+    copy.write_bytes(path.read_bytes())
+    one, other = Files(str(tmp_path)).models()
+    before = one.digest()
+    assert other.digest() == before
+    path.write_bytes(path.read_bytes().replace(b"1", b"2", 1))
+    assert one.digest() != before
+    assert other.digest() == before
+
+
+def test_they_have_no_human_segmentations(folder):
+    assert all(model.human_segmentations() == [] for model in Files(str(folder)).models())
+
+
+def test_the_dataset_is_called_what_it_is_told(folder):
+    assert Files(str(folder)).name == "files"
+    assert Files(str(folder), name="cats").name == "cats"
+
+
+@pytest.mark.parametrize("pattern", ["nowhere", "no*/where.off", "*.txt", "cow9.off"])
+def test_no_mesh_is_an_error_that_says_what_was_looked_for_and_from_where(folder, monkeypatch, pattern):
+    monkeypatch.chdir(folder)
+    with pytest.raises(DatasetError) as error:
+        Files(pattern).models()
+    for part in (".off, .obj, .ply, .stl", f"dataset.glob={pattern!r}", str(folder)):
+        assert part in str(error.value)
+
+
+def test_no_pattern_is_an_error_that_shows_one():
+    with pytest.raises(DatasetError, match=r"dataset\.glob='my/meshes/\*\*/\*\.off'"):
+        Files(None).models()
+
+
+def test_two_files_of_one_name_are_an_error_that_names_both(tmp_path):
+    for name in ("cow.off", "cow.obj"):
+        bundled("ant").export(tmp_path / name)
+    with pytest.raises(DatasetError, match=r"cow\.obj and .*cow\.off would both be the model 'cow'; .*\*\*/\*\.off"):
+        Files(str(tmp_path)).models()
+    assert len(Files(str(tmp_path / "*.off")).models()) == 1

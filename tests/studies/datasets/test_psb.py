@@ -1,0 +1,174 @@
+import hashlib
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+
+from heatwalk import MeshError
+from studies.datasets import DatasetError
+from studies.datasets.psb import CATEGORIES, NON_RIGID, PSB
+
+
+@pytest.fixture
+def small(tmp_path):
+    """A benchmark of three small models, the second one broken, only the first segmented by people."""
+    off = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
+    data = tmp_path / "MeshsegBenchmark-1.0" / "data"
+    people = data / "seg" / "Benchmark" / "2"
+    people.mkdir(parents=True)
+    (data / "off").mkdir()
+    for name, text in (("2", off), ("10", off[:-8]), ("84", off), ("270", off), ("readme", "")):
+        (data / "off" / f"{name}.off").write_text(text)
+    for person in (0, 2, 10):
+        (people / f"2_{person}.seg").write_text(f"0\n0\n0\n{person}\n")
+    return tmp_path
+
+
+def as_zip(folder, path):
+    with zipfile.ZipFile(path, "w") as archive:
+        for file in folder.rglob("*"):
+            archive.write(file, file.relative_to(folder))
+    return path
+
+
+def test_the_zip_and_the_folder_hold_the_same_models(psb_zip, psb_root):
+    packed, unpacked = PSB(psb_zip).models(), PSB(psb_root).models()
+    assert [(model.name, model.category) for model in packed] == [(model.name, model.category) for model in unpacked]
+    for here, there in zip(packed[::20], unpacked[::20], strict=True):
+        assert here.digest() == there.digest()
+        assert np.array_equal(here.load().vertices, there.load().vertices)
+        assert np.array_equal(here.load().faces, there.load().faces)
+        for ours, theirs in zip(here.human_segmentations(), there.human_segmentations(), strict=True):
+            assert np.array_equal(ours, theirs)
+
+
+def test_a_digest_is_the_hash_of_the_models_file(psb_root):
+    models = PSB(psb_root).models()
+    assert len(models) == 190
+    for model in models:
+        file = psb_root / "data" / "off" / f"{model.name}.off"
+        assert model.digest() == hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def test_human_segmentations_label_every_face(psb_zip):
+    for model in PSB(psb_zip, models=[3, 25, 104, 390]).models():
+        people = model.human_segmentations()
+        assert len(people) >= 10
+        assert {len(labels) for labels in people} == {len(model.load().faces)}
+
+
+def test_human_segmentations_are_in_the_order_of_their_numbers(small):
+    [model] = PSB(small, models=[2]).models()
+    assert [labels[-1] for labels in model.human_segmentations()] == [0, 2, 10]
+
+
+def test_a_model_that_nobody_segmented_has_no_human_segmentations(small):
+    [model] = PSB(small, models=[84]).models()
+    assert model.human_segmentations() == []
+
+
+def test_models_are_in_the_order_of_their_numbers(small, psb_zip):
+    assert [model.name for model in PSB(small).models()] == ["2", "10", "84"]
+    numbers = [int(model.name) for model in PSB(psb_zip).models()]
+    assert numbers == sorted(numbers)
+
+
+def test_the_root_may_be_any_of_the_benchmarks_folders_or_its_zip(small, tmp_path_factory):
+    top = small / "MeshsegBenchmark-1.0"
+    elsewhere = tmp_path_factory.mktemp("zips")
+    roots = [small, top, top / "data"]
+    roots += [as_zip(root, elsewhere / f"{i}.zip") for i, root in enumerate(roots)]
+    found = [[(model.name, model.category, model.digest()) for model in PSB(str(root)).models()] for root in roots]
+    assert all(models == found[0] for models in found)
+
+
+def test_categories_are_as_the_benchmark_numbers_them(psb_zip):
+    there = PSB(psb_zip).models()
+    assert {model.category for model in there} == set(CATEGORIES)
+    assert all(int(model.name) in CATEGORIES[model.category] for model in there)
+    assert sum(map(len, CATEGORIES.values())) == 380
+    assert len(NON_RIGID) == 11
+    assert set(NON_RIGID) < set(CATEGORIES)
+
+
+def test_categories_are_found_in_any_case_of_letters(psb_zip):
+    models = PSB(psb_zip, categories=["fourleg", "HUMAN"]).models()
+    assert [int(model.name) for model in models] == [*range(1, 11), *range(381, 391)]
+
+
+def test_models_may_be_numbers_or_names(psb_zip):
+    assert PSB(psb_zip, models=[106, "1"]).models() == PSB(psb_zip, models=["106", 1]).models()
+
+
+def test_categories_and_models_together_leave_what_is_in_both(psb_zip):
+    models = PSB(psb_zip, categories=["Human", "Ant"], models=[3, 84, 106]).models()
+    assert [model.name for model in models] == ["3", "84"]
+
+
+def test_models_are_small_to_pickle_and_load_the_same_elsewhere(psb_zip):
+    [model] = PSB(psb_zip, models=[81]).models()
+    sent = pickle.dumps(model)
+    assert len(sent) < 1000
+    assert np.array_equal(pickle.loads(sent).load().vertices, model.load().vertices)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"categories": ["Humen"]}, "no category 'Humen'; did you mean Human?"),
+        ({"categories": ["Spring"]}, "no category 'Spring'; .*It has Human, Cup, "),
+        ({"categories": ["Human", "Cup"]}, "does not have the categories Cup; it has Human, Ant$"),
+        ({"models": [2, 94]}, "does not have the models 94; it has 2, 10, 84$"),
+        ({"models": [270]}, "does not have the models 270;"),
+        ({"models": [2], "categories": ["Ant"]}, "has 3 models of the benchmark, and .* leave none of them"),
+        ({"models": []}, "leave none of them"),
+    ],
+)
+def test_what_is_asked_for_and_not_there_is_an_error_that_says_what_is(small, options, message):
+    with pytest.raises(DatasetError, match=message):
+        PSB(small, **options).models()
+
+
+@pytest.mark.parametrize("options", [{"categories": "Human"}, {"models": 94}])
+def test_an_option_that_is_not_a_list_is_an_error_that_shows_one(options):
+    [(name, value)] = options.items()
+    with pytest.raises(DatasetError, match=rf"'dataset.{name}=\[{value}\]'"):
+        PSB("anywhere", **options)
+
+
+def test_long_lists_of_models_are_drawn_together(psb_zip):
+    with pytest.raises(DatasetError, match=r"does not have the models 11; it has 1-10, 21-30, .*, 381-390$"):
+        PSB(psb_zip, models=[11]).models()
+
+
+def test_a_missing_benchmark_is_an_error_that_says_where_to_get_it_and_what_to_type(tmp_path):
+    (tmp_path / "not a zip.zip").write_text("nothing")
+    as_zip(tmp_path, tmp_path / "other.zip")
+    for root in (
+        None,
+        "",
+        tmp_path / "nowhere",
+        tmp_path,
+        tmp_path / "not a zip.zip",
+        tmp_path / "other.zip",
+    ):
+        with pytest.raises(DatasetError) as error:
+            PSB(root).models()
+        for part in (
+            "https://segeval.cs.princeton.edu",
+            "data/off/1.off",
+            "dataset.root=PATH",
+            "PSB_ROOT",
+            str(root or ""),
+        ):
+            assert part in str(error.value)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_broken_mesh_is_an_error_that_names_the_file_it_is_in(small, packed):
+    root = as_zip(small, small / "psb.zip") if packed else small
+    [model] = PSB(root, models=[10]).models()
+    with pytest.raises(MeshError, match=r"MeshsegBenchmark-1\.0/data/off/10\.off: ") as error:
+        model.load()
+    assert str(error.value).startswith(str(root))

@@ -1,0 +1,153 @@
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from studies.metrics import change_percentage, match_labels, rand_index_error, van_dongen
+
+MEASURES = (change_percentage, van_dongen, rand_index_error)
+
+
+@st.composite
+def labelings(draw, count=2):
+    """Some labelings of the same 1 to 25 points, of at most 5 segments each, with any integers as labels."""
+    n = draw(st.integers(1, 25))
+    names = st.lists(st.integers(-(2**40), 2**40), min_size=1, max_size=5, unique=True)
+    pools = [draw(names) for _ in range(count)]
+    return [np.array(draw(st.lists(st.sampled_from(pool), min_size=n, max_size=n))) for pool in pools]
+
+
+def fewest_changes(a, b):
+    """The fewest points that change, over all one-to-one mappings of labels of one to labels of the other."""
+    if len(set(a)) > len(set(b)):
+        a, b = b, a
+    labels = sorted(set(a))
+    return min(
+        sum(dict(zip(labels, images, strict=True))[x] != y for x, y in zip(a, b, strict=True))
+        for images in permutations(sorted(set(b)), len(labels))
+    )
+
+
+def overlap(a, b, x, y):
+    return np.count_nonzero((a == x) & (b == y))
+
+
+@given(labelings())
+def test_change_percentage_is_twice_the_fewest_changes_over_all_matchings(ab):
+    a, b = ab
+    assert change_percentage(a, b) == pytest.approx(200 * fewest_changes(a.tolist(), b.tolist()) / len(a), abs=1e-9)
+
+
+@given(labelings())
+def test_van_dongen_is_what_each_segment_loses_to_the_one_it_overlaps_most(ab):
+    a, b = ab
+    kept_a = sum(max(overlap(a, b, x, y) for y in set(b)) for x in set(a))
+    kept_b = sum(max(overlap(a, b, x, y) for x in set(a)) for y in set(b))
+    assert van_dongen(a, b) == pytest.approx(100 * (2 * len(a) - kept_a - kept_b) / len(a), abs=1e-9)
+
+
+@given(labelings())
+def test_rand_index_error_is_the_share_of_pairs_on_which_the_labelings_disagree(ab):
+    a, b = ab
+    first, second = np.triu_indices(len(a), 1)
+    disagree = (a[first] == a[second]) != (b[first] == b[second])
+    assert rand_index_error(a, b) == (disagree.sum() / len(disagree) if len(disagree) else 0)
+
+
+@given(labelings())
+def test_measures_are_symmetric(ab):
+    a, b = ab
+    for measure in MEASURES:
+        assert measure(a, b) == measure(b, a)
+
+
+@given(labelings())
+def test_measures_do_not_depend_on_the_names_of_labels(ab):
+    a, b = ab
+    renamed = -3 * np.unique(a, return_inverse=True)[1] + 7
+    for measure in MEASURES:
+        assert measure(a, renamed) == 0
+        assert measure(renamed, b) == measure(a, b)
+
+
+@given(labelings())
+def test_measures_are_zero_only_for_the_same_partition(ab):
+    a, b = ab
+    same = np.array_equal(a[:, None] == a, b[:, None] == b)
+    for measure in MEASURES:
+        assert (measure(a, b) == 0) == same
+
+
+@given(labelings(count=3))
+def test_measures_satisfy_the_triangle_inequality(abc):
+    a, b, c = abc
+    for measure in MEASURES:
+        assert measure(a, c) <= measure(a, b) + measure(b, c) + 1e-9
+
+
+@given(labelings())
+def test_van_dongen_is_never_more_than_the_change_percentage(ab):
+    assert van_dongen(*ab) <= change_percentage(*ab) + 1e-9
+
+
+def test_segments_that_match_one_to_one_have_both_distances_alike():
+    a = np.repeat([0, 1, 2], 10)
+    b = np.roll(a, 2)
+    # Two points of ten leave each segment for the next one.
+    assert change_percentage(a, b) == van_dongen(a, b) == 200 * 6 / 30
+
+
+def test_a_split_costs_the_smaller_part_twice_and_van_dongen_once():
+    whole, split = np.zeros(10, int), np.repeat([0, 1], [7, 3])
+    assert change_percentage(whole, split) == 60
+    assert van_dongen(whole, split) == 30
+
+
+def test_rand_index_error_is_exact_for_a_hundred_thousand_points():
+    a, b = np.arange(100_000), np.zeros(100_000, int)
+    assert rand_index_error(a, b) == 1
+
+
+@given(labelings())
+def test_match_labels_keeps_the_partition_and_the_matching(ab):
+    reference, labels = ab
+    renamed = match_labels(reference, labels)
+    assert np.array_equal(renamed[:, None] == renamed, labels[:, None] == labels)
+    assert np.count_nonzero(renamed != reference) == fewest_changes(reference.tolist(), labels.tolist())
+
+
+@given(labelings())
+def test_match_labels_numbers_new_segments_on_from_the_largest_label(ab):
+    reference, labels = ab
+    new = np.setdiff1d(match_labels(reference, labels), reference)
+    assert np.array_equal(new, reference.max() + 1 + np.arange(len(new)))
+
+
+@given(labelings())
+def test_match_labels_gives_back_the_reference_for_the_same_partition(ab):
+    reference = ab[0]
+    assert np.array_equal(match_labels(reference, np.unique(reference, return_inverse=True)[1]), reference)
+
+
+def test_match_labels_gives_no_label_to_a_segment_that_shares_no_point_with_it():
+    reference = np.array([5, 5, 5, 9])
+    labels = np.array([1, 1, 2, 1])
+    assert np.array_equal(match_labels(reference, labels), [5, 5, 10, 5])
+
+
+@pytest.mark.parametrize("measure", [*MEASURES, match_labels])
+@pytest.mark.parametrize(
+    ("a", "b", "message"),
+    [
+        ([0, 1], [0, 1, 2], "2 labels and 3"),
+        ([], [], r"n >= 1, got \(0,\)"),
+        ([[0, 1]], [[0, 1]], r"got \(1, 2\)"),
+        ([0.0, 1.0], [0, 1], "the first labeling must hold integers, got float64"),
+        ([0, 1], [False, True], "the second labeling must hold integers, got bool"),
+    ],
+)
+def test_labels_that_are_not_one_integer_a_point_are_refused(measure, a, b, message):
+    with pytest.raises(ValueError, match=message):
+        measure(a, b)
