@@ -61,12 +61,12 @@ class ShotNoise(Perturbation):
     """
 
     amount: float = 0.06
-    unit: str = "vertices"
+    unit: str = "share_of_vertices"
     height: float = 1.0
     height_unit: str = "mean_edge_length"
 
     name: ClassVar[str] = "shot_noise"
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("vertices",), "height_unit": tuple(LENGTHS)}
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("share_of_vertices",), "height_unit": tuple(LENGTHS)}
 
     def __post_init__(self) -> None:
         super().__post_init__()

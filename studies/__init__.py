@@ -1,0 +1,1 @@
+"""Plan, run, store and show many trials of a segmenter under a perturbation."""

@@ -1,0 +1,131 @@
+"""Tables of a study: a row a level, with intervals, beside the paper's figures."""
+
+import numpy as np
+import pandas as pd
+
+RESAMPLES = 2000
+
+
+def summary(trials, paper):
+    """Change Percentage by level.
+
+    Parameters
+    ----------
+    trials : DataFrame of rows, as ``Store.frame`` gives them
+    paper : dict, level -> the Change Percentage that the paper reports
+
+    Returns
+    -------
+    DataFrame with the columns level, unit, mean, ci_low, ci_high (the 95 % interval of the mean), median, van_dongen,
+    rand_index_error (means), n_segments, n_segments_reference (means), n (trials that gave a figure), failures, paper
+    """
+    rows = []
+    for (level, unit), group in trials.groupby(["level", "unit"], sort=False):
+        good = group[group["status"] == "ok"]
+        low, high = interval(good)
+        rows.append(
+            {
+                "level": level,
+                "unit": unit,
+                "mean": _model_mean(good, "change_percentage"),
+                "ci_low": low,
+                "ci_high": high,
+                "median": good["change_percentage"].median(),
+                "van_dongen": _model_mean(good, "van_dongen"),
+                "rand_index_error": _model_mean(good, "rand_index_error"),
+                "n_segments": _model_mean(good, "n_segments"),
+                "n_segments_reference": _model_mean(good, "n_segments_reference"),
+                "n": len(good),
+                "failures": len(group) - len(good),
+                "paper": next((float(cp) for at, cp in paper.items() if np.isclose(at, level)), np.nan),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _model_mean(trials, column):
+    """Mean over models of the mean over repeats, so that a model with failures weighs as much as the others."""
+    return trials.groupby("model")[column].mean().astype(float).mean()
+
+
+def interval(trials, column="change_percentage"):
+    """95 % percentile-bootstrap interval of the mean over models of the mean over repeats.
+
+    Models are drawn with replacement, then repeats of each drawn model: both are samples, of shapes and of noise. With
+    a single model only the repeats are resampled, and the interval speaks of that model alone.
+
+    Returns
+    -------
+    (low, high), NaN where there is no trial or nothing to resample
+    """
+    values = [group.to_numpy(dtype=float) for _, group in trials.groupby("model")[column]]
+    if sum(map(len, values)) < 2:
+        return np.nan, np.nan
+    rng = np.random.default_rng(0)
+    counts = np.array([len(v) for v in values])
+    padded = np.full((len(values), counts.max()), np.nan)
+    for i, v in enumerate(values):
+        padded[i, : len(v)] = v
+    models = rng.integers(len(values), size=(RESAMPLES, len(values)))
+    drawn = rng.random((RESAMPLES, len(values), counts.max()))
+    repeats = (drawn * counts[models][:, :, None]).astype(int)
+    sample = padded[models[:, :, None], repeats]
+    sample[np.arange(counts.max()) >= counts[models][:, :, None]] = np.nan
+    means = np.nanmean(sample, axis=2).mean(axis=1)
+    return tuple(np.quantile(means, [0.025, 0.975]).tolist())
+
+
+HEADINGS = {
+    "level": "level",
+    "unit": "unit",
+    "mean": "CP %",
+    "interval": "95 % interval",
+    "median": "median",
+    "paper": "paper",
+    "van_dongen": "van Dongen",
+    "rand_index_error": "Rand error",
+    "segments": "segments (original)",
+    "n": "n",
+    "failures": "failed",
+}
+
+
+def display(table):
+    """The table as text, a dict a row with the keys of ``HEADINGS``: what table.md and the terminal show."""
+
+    def number(value, digits):
+        return "–" if pd.isna(value) else f"{value:.{digits}f}"
+
+    return [
+        {
+            "level": f"{row.level:g}",
+            "unit": row.unit.replace("_", " "),
+            "mean": number(row.mean, 2),
+            "interval": "–" if pd.isna(row.ci_low) else f"{row.ci_low:.2f} – {row.ci_high:.2f}",
+            "median": number(row.median, 2),
+            "paper": number(row.paper, 2),
+            "van_dongen": number(row.van_dongen, 2),
+            "rand_index_error": number(row.rand_index_error, 4),
+            "segments": f"{number(row.n_segments, 1)} ({number(row.n_segments_reference, 1)})",
+            "n": str(row.n),
+            "failures": str(row.failures),
+        }
+        for row in table.itertuples()
+    ]
+
+
+def markdown(table, title):
+    """The table as a page of Markdown, with what its columns mean."""
+    lines = [f"# {title}", ""]
+    lines += ["| " + " | ".join(HEADINGS.values()) + " |", "|" + " --- |" * len(HEADINGS)]
+    lines += ["| " + " | ".join(row.values()) + " |" for row in display(table)]
+    lines += [
+        "",
+        "Change Percentage: twice the share of points that must change their segment, in percent, under the best "
+        "one-to-one matching of segments; its mean over models and repeats, with the 95 % bootstrap interval (models "
+        "resampled, then repeats). Paper: Benjamin et al. 2011, Table 2 and section 6.6, where it gives a figure; its "
+        "models are not named. van Dongen: van Dongen's distance in percent, the same where segments match one to "
+        "one. Rand error: 1 − Rand index. Segments: their mean number after and before.",
+        "",
+    ]
+    return "\n".join(lines)
