@@ -4,7 +4,7 @@ import numpy as np
 import pyvista
 
 from heatwalk import faces_from_vertices
-from heatwalk.meshes import label_colours
+from heatwalk.files import label_colours
 from studies import trial as trials
 from studies.metrics import match_labels
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.meshes import LoadedMesh
+from heatwalk.files import LoadedMesh
 
 
 class DatasetError(ValueError):

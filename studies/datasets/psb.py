@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.meshes import LoadedMesh, MeshError, read_mesh, read_seg
+from heatwalk.files import LoadedMesh, read_mesh, read_seg
+from heatwalk.meshes import MeshError
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, wanted
 
 # The benchmark numbers its models by category; 261 to 280 are not part of it.

@@ -11,7 +11,8 @@ import trimesh
 
 import heatwalk
 from heatwalk.cli import main
-from heatwalk.meshes import MeshError, read_mesh, read_seg
+from heatwalk.files import read_mesh, read_seg
+from heatwalk.meshes import MeshError
 from tests.meshes import bundled_path
 
 VERTICES = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])

@@ -9,7 +9,7 @@ import trimesh
 
 import heatwalk
 from heatwalk.cli import main
-from heatwalk.meshes import label_colours, read_mesh, read_seg
+from heatwalk.files import label_colours, read_mesh, read_seg
 from tests.meshes import bundled_path
 
 ROOT = Path(heatwalk.__file__).parents[1]

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.sparse.csgraph import dijkstra
 
-from heatwalk.meshes import read_mesh, read_seg
+from heatwalk.files import read_mesh, read_seg
 from studies.metrics import psb, rand_index_error
 from tests.meshes import DATA, bundled
 
