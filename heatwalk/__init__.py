@@ -4,23 +4,35 @@
 >>> seg = heatwalk.segment(vertices, faces, time=1.0)
 >>> seg.labels, seg.exemplars
 
-Meshes in files are read by ``heatwalk.files``, which is not imported here: it takes trimesh, and longer.
+The names below are loaded when they are first used: SciPy takes longer to import than most meshes to segment.
 """
 
-from heatwalk.meshes import MeshError, MeshReport, check_mesh, inspect_mesh
-from heatwalk.segmentation import ALGORITHM_VERSION, Segmentation, faces_from_vertices, segment
-from heatwalk.spectrum import SpectrumError
+from importlib import import_module
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "ALGORITHM_VERSION",
-    "MeshError",
-    "MeshReport",
-    "Segmentation",
-    "SpectrumError",
-    "check_mesh",
-    "faces_from_vertices",
-    "inspect_mesh",
-    "segment",
-]
+_HOME = {
+    "ALGORITHM_VERSION": "segmentation",
+    "LoadedMesh": "files",
+    "MeshError": "meshes",
+    "MeshReport": "meshes",
+    "Segmentation": "segmentation",
+    "SpectrumError": "spectrum",
+    "check_mesh": "meshes",
+    "faces_from_vertices": "segmentation",
+    "inspect_mesh": "meshes",
+    "read_mesh": "files",
+    "segment": "segmentation",
+}
+
+__all__ = list(_HOME)
+
+
+def __getattr__(name):
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__():
+    return [*globals(), *__all__]

@@ -4,6 +4,7 @@ import trimesh
 
 import heatwalk
 from heatwalk.dissipators import divergence_from_uniform, relative_entropy_excess
+from heatwalk.kernel import HeatKernel
 from tests.heatwalk import dense
 from tests.meshes import bundled
 
@@ -60,5 +61,5 @@ def test_area_weights_are_the_integrals_over_the_surface():
 def test_a_region_of_a_single_vertex_never_dissipates():
     # Its mean density is its own: the divergence from it is 0, which is below any other.
     rows = np.eye(5) + 0.01
-    kernel = heatwalk.kernel.HeatKernel(rows, np.zeros(5, dtype=int), np.full(5, 0.2), 1.0)
+    kernel = HeatKernel(rows, np.zeros(5, dtype=int), np.full(5, 0.2), 1.0)
     assert (relative_entropy_excess(kernel, np.arange(5)) < 0).all()
