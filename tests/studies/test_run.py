@@ -30,10 +30,6 @@ def run(folder, *words, wait=True):
     )  # fmt: skip
 
 
-# The tests of one small study run in one process of pytest-xdist, so that it is run once.
-of_the_small_study = pytest.mark.xdist_group("small study")
-
-
 @pytest.fixture(scope="module")
 def small_study(tmp_path_factory):
     """A small study, run once: what it printed, and its folder."""
@@ -53,7 +49,6 @@ def untimed(frame):
     return frame.drop(columns=["seconds_perturb", "seconds_segment"])
 
 
-@of_the_small_study
 def test_it_leaves_what_the_documentation_lists_and_nothing_else(small_study):
     done, results = small_study
     assert done.returncode == 0, done.stderr
@@ -64,7 +59,6 @@ def test_it_leaves_what_the_documentation_lists_and_nothing_else(small_study):
     assert {path.name for path in results.parents[2].iterdir()} == {"ant.off", "results"}
 
 
-@of_the_small_study
 def test_the_rows_are_whole(small_study):
     _, results = small_study
     rows = pd.read_parquet(results / "trials.parquet")
@@ -75,7 +69,6 @@ def test_the_rows_are_whole(small_study):
     assert rows[["n_segments", "n_vertices", "seconds_segment"]].gt(0).all(axis=None)
 
 
-@of_the_small_study
 def test_the_table_is_the_mean_of_the_rows_beside_the_papers_figure(small_study):
     done, results = small_study
     rows, table = pd.read_parquet(results / "trials.parquet"), pd.read_csv(results / "table.csv")
@@ -88,7 +81,6 @@ def test_the_table_is_the_mean_of_the_rows_beside_the_papers_figure(small_study)
         assert f"{value:.2f}" in (results / "table.md").read_text()
 
 
-@of_the_small_study
 @pytest.mark.parametrize("name", ["shot_noise.png", "gallery.png"])
 def test_the_pictures_show_something(small_study, name):
     pixels = np.asarray(Image.open(small_study[1] / name).convert("RGB")).reshape(-1, 3)
@@ -97,14 +89,12 @@ def test_the_pictures_show_something(small_study, name):
     assert len(np.unique(pixels, axis=0)) > 200
 
 
-@of_the_small_study
 def test_provenance_says_with_what_and_from_what(small_study):
     provenance = json.loads((small_study[1] / "provenance.json").read_text())
     assert provenance["packages"]["numpy"] == np.__version__
     assert len(provenance["meshes_sha256"]["ant"]) == 64
 
 
-@of_the_small_study
 def test_the_same_command_again_runs_nothing_and_changes_nothing(small_study):
     _, results = small_study
     before = {name: (results / name).read_bytes() for name in ("trials.jsonl", "table.csv", "table.md")}
@@ -113,7 +103,6 @@ def test_the_same_command_again_runs_nothing_and_changes_nothing(small_study):
     assert before == {name: (results / name).read_bytes() for name in before}
 
 
-@of_the_small_study
 def test_one_worker_two_workers_and_none_give_the_same_rows_and_table(small_study, folder):
     rows = untimed(pd.read_parquet(small_study[1] / "trials.parquet"))
     for engine in ("engine.workers=1", "engine=serial"):
