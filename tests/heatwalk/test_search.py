@@ -1,0 +1,155 @@
+"""The tree search against the blocked exact one: the same row for every query, ties included."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from heatwalk.accumulators import TIE, blocked_maximum_inner_products, maximum_inner_products
+from heatwalk.kernel import HeatKernel, largest_eigenvalue
+from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
+from heatwalk.search import LEAF, largest_inner_products
+from heatwalk.spectrum import SpectrumSolver
+from tests.meshes import bundled
+
+TIMES = (0.3, 1.0, 4.0, 40.0)  # in the paper's units; the last leaves a kernel so flat that most vertices tie
+
+
+def kernels(mesh, times):
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    stiffness, mass = stiffness_and_mass(unit_area(vertices, faces), faces)
+    solver = SpectrumSolver(stiffness, mass, vertex_components(len(vertices), faces))
+    spectrum = solver.up_to(largest_eigenvalue(min(times) / 6))
+    return [HeatKernel.from_spectrum(spectrum, time / 6) for time in times]
+
+
+def kernel_of(rows, component=None):
+    n = len(rows)
+    component = np.zeros(n, dtype=int) if component is None else component
+    return HeatKernel(rows, component, np.full(n, 1 / n), 1.0)
+
+
+def assert_as_blocked(kernel):
+    argmax, maximum = maximum_inner_products(kernel)
+    expected, largest = blocked_maximum_inner_products(kernel)
+    assert np.array_equal(argmax, expected)
+    assert np.allclose(maximum, largest, rtol=1e-12, atol=0)
+
+
+SHAPES = {
+    "ant": lambda: bundled("ant"),
+    "cow": lambda: bundled("cow"),
+    "airplane of several components": lambda: bundled("airplane"),
+    "icosphere": lambda: trimesh.creation.icosphere(4),
+    "torus": lambda: trimesh.creation.torus(1, 0.4, major_sections=64, minor_sections=32),
+    "subdivided box": lambda: trimesh.creation.box().subdivide_loop(0).subdivide().subdivide().subdivide().subdivide(),
+    "thin plate": lambda: trimesh.creation.box((1, 1, 1e-3)).subdivide_to_size(0.04),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_every_vertex_finds_what_the_blocked_search_finds(name):
+    for kernel in kernels(SHAPES[name](), TIMES):
+        assert_as_blocked(kernel)
+
+
+@pytest.mark.parametrize("model", [1, 61, 130, 342, 390])
+def test_every_vertex_of_the_benchmark_finds_what_the_blocked_search_finds(model, psb_root, psb_mesh):
+    if not (psb_root / "data" / "off" / f"{model}.off").exists():
+        pytest.skip(f"model {model} is not in this part of the benchmark")
+    for kernel in kernels(psb_mesh(model), (1.0,)):
+        assert_as_blocked(kernel)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    arrays(
+        np.float64,
+        st.tuples(st.integers(1, 120), st.integers(1, 20)),
+        elements=st.one_of(st.integers(-2, 2).map(float), st.floats(-1, 1).map(lambda x: round(x, 6))),
+    ),
+    st.floats(0, 2),
+)
+def test_any_rows_find_what_the_blocked_search_finds(rows, decay):
+    assert_as_blocked(kernel_of(rows * np.exp(-decay * np.arange(rows.shape[1]))))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.integers(1, 3))
+def test_many_exact_ties_go_to_the_smallest_row(seed, columns, largest):
+    rng = np.random.default_rng(seed)
+    assert_as_blocked(kernel_of(rng.integers(-largest, largest + 1, (1500, columns)).astype(float)))
+
+
+@pytest.mark.parametrize("width", [1e-9, 1e-10, 1e-11, 1e-13])
+def test_rows_that_differ_by_about_the_tie_find_what_the_blocked_search_finds(width):
+    rng = np.random.default_rng(0)
+    rows = np.column_stack([np.ones(2000), np.sqrt(width) * rng.standard_normal((2000, 2))])
+    assert_as_blocked(kernel_of(rows))
+    assert_as_blocked(kernel_of(1 + width * rng.standard_normal((2000, 1))))
+
+
+@pytest.mark.parametrize("n", [1, 2, LEAF - 1, LEAF, LEAF + 1, 2 * LEAF, 3 * LEAF + 1])
+def test_any_number_of_rows_fills_the_leaves(n):
+    assert_as_blocked(kernel_of(np.random.default_rng(n).standard_normal((n, 3))))
+
+
+def test_rows_of_zeros_tie():
+    assert_as_blocked(kernel_of(np.zeros((100, 3))))
+
+
+def test_each_of_several_components_is_searched_alone():
+    rng = np.random.default_rng(0)
+    assert_as_blocked(kernel_of(rng.standard_normal((500, 4)), rng.integers(0, 30, 500)))
+
+
+def test_rows_in_fortran_order_are_the_same_rows():
+    rows = np.random.default_rng(0).standard_normal((200, 5))
+    for ours, theirs in zip(
+        largest_inner_products(np.asfortranarray(rows), TIE), largest_inner_products(rows, TIE), strict=True
+    ):
+        assert np.array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("distinct", [1, 7])
+def test_bulk_duplicates_cost_little(distinct):
+    rows = np.random.default_rng(0).standard_normal((distinct, 12))[np.arange(20_000) % distinct]
+    argmax, _, n_products = largest_inner_products(rows, TIE)
+    assert np.array_equal(argmax, (rows @ rows[:distinct].T).argmax(axis=1))
+    assert n_products < 200 * len(rows)
+
+
+@pytest.mark.parametrize("name", ["ant", "cow"])
+def test_inner_products_a_vertex_are_few_where_the_blocked_search_takes_one_with_every_vertex(name):
+    mesh = bundled(name).subdivide_loop(2)
+    (kernel,) = kernels(mesh, (1.0,))
+    assert largest_inner_products(kernel.factor, TIE)[2] < 150 * len(mesh.vertices)
+
+
+def in_a_new_process(code, **environment):
+    result = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | environment, capture_output=True, text=True, check=True
+    )
+    return result.stdout.split()
+
+
+def test_a_second_process_compiles_nothing(tmp_path):
+    code = (
+        "import numpy as np\n"
+        "from heatwalk import search\n"
+        "search.largest_inner_products(np.eye(40), 1e-10)\n"
+        "for f in (search._split, search._fill, search._search):\n"
+        "    print(sum(f.stats.cache_misses.values()), sum(f.stats.cache_hits.values()))\n"
+    )
+    assert in_a_new_process(code, NUMBA_CACHE_DIR=str(tmp_path)) == ["1", "0"] * 3
+    assert in_a_new_process(code, NUMBA_CACHE_DIR=str(tmp_path)) == ["0", "1"] * 3
+
+
+def test_importing_the_package_does_not_import_numba():
+    assert in_a_new_process("import sys, heatwalk; print('numba' in sys.modules)") == ["False"]
