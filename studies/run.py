@@ -19,12 +19,16 @@ from omegaconf import DictConfig
 OWN_FOLDER = ("study", "dataset")
 
 
+class TrialsFailed(SystemExit):
+    """The study is done, and some of its trials gave no figure."""
+
+
 def main() -> None:
     """Hydra's own command line; where it refuses the options, the names that exist are said too."""
     try:
         run()
     except SystemExit as stop:
-        if stop.code == 1 and not HydraConfig.initialized():
+        if stop.code == 1 and not isinstance(stop, TrialsFailed):
             print(f"\nOptions there are: {', '.join(_options())}.\nSee also --help.", file=sys.stderr)
         raise
 
@@ -41,7 +45,7 @@ def run(cfg: DictConfig) -> None:
     except (ValueError, OSError) as error:
         _stop(_message(error))
     if not complete:
-        sys.exit(1)
+        raise TrialsFailed(1)
 
 
 def run_study(cfg, subfolder=""):
@@ -86,7 +90,7 @@ def run_study(cfg, subfolder=""):
             f"[red]{failures} of {len(rows)} trials failed[/red]; the column error of trials.parquet says why:"
         )
         for error, count in rows["error"].value_counts().head(5).items():
-            console.print(f"  {count} × {error}", markup=False, highlight=False)
+            console.print(f"  {count} × {error}", markup=False, highlight=False, soft_wrap=True)
     if interrupted:
         console.print("interrupted; what was done is stored, and the same command goes on from there")
         sys.exit(130)

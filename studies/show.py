@@ -18,7 +18,7 @@ PACKAGES = ("numpy", "scipy", "trimesh", "pymeshlab", "fast-simplification", "pa
 
 
 def write(cfg, folder, title, rows, trials, engine, console):
-    """Write everything that architecture names to ``folder`` and print the table.
+    """Write rows, table, pictures and what they were made from to ``folder``, and print the table.
 
     Parameters
     ----------
