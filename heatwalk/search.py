@@ -2,42 +2,45 @@
 
 Notes
 -----
-The rows B_x of a heat kernel's factor lie on a surface in R^k. Halving them along their principal direction until a
-leaf holds ``LEAF`` gives a balanced tree. Each node has a centre c and orthonormal directions T, the first two nearly
-tangent to the surface; with N the orthogonal complement, rows c + d of the node obey for any query q
+The rows B_x of a heat kernel's factor lie on a surface in R^k. Halving them across their principal direction until a
+leaf holds ``LEAF`` gives a balanced tree. Each node has a centre c and orthonormal axes T_1 … T_a, which soon span the
+surface's tangent plane; with N their orthogonal complement, its rows c + d obey for any query q
 
-    ⟨q, c + d⟩ ≤ ⟨q, c⟩ + |q_T1| max|d_T1| + |q_T2| max|d_T2| + … + |q_N| max|d_N|,
+    ⟨q, c + d⟩ ≤ ⟨q, c⟩ + Σ_i |q_Ti| max|d_Ti| + |q_N| max|d_N|,
 
-and max|d_N| falls with the square of the node's diameter, where a ball's radius falls with the diameter itself. This is
-applied to the head, the first columns, which carry almost all of the rows' length; the other columns, the tail,
-are bounded by the product of the two lengths. A node is left out when this bound, or |q| max|B_y|, is below
-the best product found. As h(x, y) ≥ h(x, x) needs |B_y| ≥ |B_x|, the latter leaves out all that lies downhill.
+where max|d_N| falls with the square of the node's diameter; the radius of a ball would only fall with the diameter
+itself. This bounds the head, the first columns, which carry almost all of the rows' length; the other columns, the
+tail, are bounded by the product of the two lengths. A node is left out when this bound, or |q| max|B_y|, is below the
+best product found. As h(x, y) ≥ h(x, x) needs |B_y| ≥ |B_x|, the latter leaves out all that lies downhill.
 
-Queries go through the leaves in order and start from the leaf in which the query before found its answer. On meshes,
-20 to 300 inner products a row are left.
+The rows ask in the order of the leaves, each starting from the leaf in which the one before found its answer.
 """
 
 import numpy as np
 from numba import njit
 
-# Rows in a leaf: 16 doubles side by side are one pass of a processor's vector registers.
+# Rows in a leaf. With 8 (more nodes) or 32 (more products), tree and search together take longer.
 LEAF = 16
 
-# Share of the rows' squared length that the tail may carry; 1e-4 tests hardly more nodes than 0 does. The head is a
-# multiple of HEAD_STEP columns wide, for the vector registers.
-TAIL_SHARE = 1e-4
+# Axes of a node: two for the tangent plane; a third for the gap where both sides of a thin part lie in one node. A
+# fourth does not pay.
+AXES = 3
+
+# Share of the rows' squared length that the tail may carry. The head's width is a multiple of HEAD_STEP columns, for
+# the vector registers.
+TAIL_SHARE = 1e-5
 HEAD_STEP = 8
 
-# Directions that a node is measured along, and where its other extents stand.
-AXES = 3
-TAIL, LENGTH = AXES + 1, AXES + 2
-# Rows that principal directions are estimated from, and rounds of power iteration. The bounds hold for any directions.
+# Rows of a node that its axes are estimated from, and rounds of power iteration. The bounds hold for any axes.
 SAMPLE = 32
 ROUNDS = 2
 
-# What rounding may add to a product or a bound, relative to the product of two lengths; and the length, relative to
-# that of the rows, below which what is left of a vector is rounding and has no direction.
+# What rounding may add to a product or a bound, relative to the product of the two lengths; also the share of a
+# vector's squared length below which what is left of it after a projection is rounding and has no direction.
 ROUNDING = 1e-13
+
+# Columns of ``extent``, after max|d_T1| … max|d_Ta|.
+NORMAL, TAIL, LENGTH = AXES, AXES + 1, AXES + 2
 
 
 def compiled(function):
@@ -54,7 +57,7 @@ def largest_inner_products(rows, tie):
 
     Parameters
     ----------
-    rows : (n, k) float array, n > 0; quick where the first columns carry most of the length
+    rows : (n, k) float array, n > 0; quick where they lie on a surface and the first columns carry most of the length
     tie : float, products within ``tie`` of the largest (relative) count as equal to it: the smallest row wins
 
     Returns
@@ -63,65 +66,59 @@ def largest_inner_products(rows, tie):
     maximum : (n,) float array
     n_products : int, inner products computed
     """
-    rows = np.ascontiguousarray(rows, dtype=np.float64)
     n, k = rows.shape
-    n_leaves = -(-n // LEAF)
-    n_nodes = 2 * n_leaves - 1
-
-    energy = np.einsum("ij,ij->j", rows, rows)
-    tail = energy[::-1].cumsum()[::-1]
-    width = HEAD_STEP * max(1, -(-np.count_nonzero(tail > TAIL_SHARE * tail[0]) // HEAD_STEP))
+    squares = np.einsum("ij,ij->j", rows, rows)
+    tails = squares[::-1].cumsum()[::-1]
+    width = HEAD_STEP * max(1, -(-np.count_nonzero(tails > TAIL_SHARE * tails[0]) // HEAD_STEP))
     head = np.zeros((n, width))
     head[:, :k] = rows[:, :width]
 
-    # Padding rows of zeros, numbered n, fill the last leaf.
-    order = np.append(np.arange(n), np.full(n_leaves * LEAF - n, n))
+    n_nodes = 2 * -(-n // LEAF) - 1
+    order = np.arange(n)
     span = np.empty((n_nodes, 2), dtype=np.int64)
     frame = np.zeros((n_nodes, 1 + AXES, width))
     extent = np.zeros((n_nodes, AXES + 3))
     smallest = np.full(n_nodes, n)
     _split(head, order, span, frame, extent)
     del head
-    leaves = np.zeros((n_leaves, k, LEAF))
-    _fill(rows, order, span, width, leaves, extent, smallest)
+    rows = np.ascontiguousarray(rows[order], dtype=np.float64)
+    _measure(rows, order, span, width, extent, smallest)
 
     argmax, maximum = np.empty(n, dtype=np.int64), np.empty(n)
-    n_products = _search(leaves, order, span, frame, extent, smallest, tie, argmax, maximum)
+    n_products = _search(rows, order, span, frame, extent, smallest, tie, argmax, maximum)
     return argmax, maximum, n_products
 
 
-# Nodes are numbered in preorder: a node over m leaves has its first child at node + 1 and the next node that is not
-# below it at node + 2m - 1. Of a node,
-#   span      first leaf, and the one after the last
-#   frame     centre, directions T1, T2 … (0 where the rows have no such extent)
-#   extent    max|d_T1|, max|d_T2| …, max|d_N|, longest tail, longest row
-#   smallest  smallest row index
+# Nodes are numbered in preorder: a node of m leaves has its first child at node + 1, and the next node that is not
+# below it is node + 2m - 1. Of a node,
+#   span      its first leaf, and the one after its last
+#   frame     c, T_1 … T_a (0 where the rows have no such extent)
+#   extent    max|d_T1| … max|d_Ta|, max|d_N|, its longest tail, its longest row
+#   smallest  its smallest row index
+
+
+@compiled
+def _dot(a, b):
+    total = 0.0
+    for j in range(len(a)):
+        total += a[j] * b[j]
+    return total
 
 
 @compiled
 def _remove(vector, direction):
     """Take from ``vector`` its part along ``direction``, and return how much that was."""
-    along = 0.0
-    for j in range(len(vector)):
-        along += vector[j] * direction[j]
+    along = _dot(vector, direction)
     for j in range(len(vector)):
         vector[j] -= along * direction[j]
     return along
 
 
 @compiled
-def _square(vector):
-    square = 0.0
-    for j in range(len(vector)):
-        square += vector[j] * vector[j]
-    return square
-
-
-@compiled
 def _split(head, order, span, frame, extent):
-    n, width = head.shape
+    n = len(head)
     key = np.empty(n)
-    span[0, 0], span[0, 1] = 0, len(order) // LEAF
+    span[0, 0], span[0, 1] = 0, (n + LEAF - 1) // LEAF
     for node in range(len(span)):
         first, last = span[node, 0], span[node, 1]
         start, stop = first * LEAF, min(last * LEAF, n)
@@ -132,9 +129,7 @@ def _split(head, order, span, frame, extent):
             other = node + 2 * (middle - first)
             span[other, 0], span[other, 1] = middle, last
             for i in range(start, stop):
-                key[i] = 0.0
-                for j in range(width):
-                    key[i] += head[i, j] * frame[node, 1, j]
+                key[i] = _dot(head[i], frame[node, 1])
             _select(key, order, head, start, stop - 1, middle * LEAF)
 
 
@@ -160,12 +155,12 @@ def _set_frame(head, start, stop, frame, extent):
         for axis in range(AXES):
             along = _remove(remainder, frame[axis + 1])
             low[axis], high[axis] = min(low[axis], along), max(high[axis], along)
-        farthest = max(farthest, _square(remainder))
+        farthest = max(farthest, _dot(remainder, remainder))
     for axis in range(AXES):
         for j in range(width):
             frame[0, j] += (low[axis] + high[axis]) / 2 * frame[axis + 1, j]
         extent[axis] = (high[axis] - low[axis]) / 2
-    extent[AXES] = np.sqrt(farthest)
+    extent[NORMAL] = np.sqrt(farthest)
 
 
 @compiled
@@ -182,20 +177,18 @@ def _set_axis(head, start, stop, step, frame, axis):
             for before in range(1, axis):
                 _remove(offset, frame[before])
             if turn > 0:
-                along = 0.0
-                for j in range(width):
-                    along += offset[j] * direction[j]
+                along = _dot(offset, direction)
                 for j in range(width):
                     product[j] += along * offset[j]
-            elif _square(offset) > farthest:  # start from the farthest row
-                farthest = _square(offset)
+            elif _dot(offset, offset) > farthest:  # start from the farthest row
+                farthest = _dot(offset, offset)
                 product[:] = offset
         # Orthogonal to working precision only after a second time.
         for _ in range(2):
-            square = _square(product)
+            square = _dot(product, product)
             for before in range(1, axis):
                 _remove(product, frame[before])
-            left = _square(product)
+            left = _dot(product, product)
             if left <= square * ROUNDING:
                 return
             for j in range(width):
@@ -232,46 +225,35 @@ def _select(key, order, head, low, high, middle):
 
 
 @compiled
-def _fill(rows, order, span, width, leaves, extent, smallest):
-    n, k = rows.shape
+def _measure(rows, order, span, width, extent, smallest):
+    """Longest tail, longest row and smallest row index of every node, from the leaves up; ``rows`` in tree order."""
+    n = len(rows)
     for node in range(len(span) - 1, -1, -1):
         first, last = span[node, 0], span[node, 1]
         if last - first > 1:
-            below = (node + 1, node + 2 * ((first + last) // 2 - first))
-            for child in below:
+            for child in (node + 1, node + 2 * ((first + last) // 2 - first)):
                 extent[node, TAIL] = max(extent[node, TAIL], extent[child, TAIL])
                 extent[node, LENGTH] = max(extent[node, LENGTH], extent[child, LENGTH])
                 smallest[node] = min(smallest[node], smallest[child])
             continue
-        for i in range(LEAF):
-            row = order[first * LEAF + i]
-            if row < n:
-                length = tail = 0.0
-                for j in range(k):
-                    leaves[first, j, i] = rows[row, j]
-                    length += rows[row, j] ** 2
-                for j in range(width, k):
-                    tail += rows[row, j] ** 2
-                extent[node, TAIL] = max(extent[node, TAIL], np.sqrt(tail))
-                extent[node, LENGTH] = max(extent[node, LENGTH], np.sqrt(length))
-                smallest[node] = min(smallest[node], row)
+        for i in range(first * LEAF, min(last * LEAF, n)):
+            tail = _dot(rows[i, width:], rows[i, width:])
+            extent[node, TAIL] = max(extent[node, TAIL], np.sqrt(tail))
+            extent[node, LENGTH] = max(extent[node, LENGTH], np.sqrt(_dot(rows[i, :width], rows[i, :width]) + tail))
+            smallest[node] = min(smallest[node], order[i])
 
 
 @compiled
-def _search(leaves, order, span, frame, extent, smallest, tie, argmax, maximum):
-    k, width = leaves.shape[1], frame.shape[2]
+def _search(rows, order, span, frame, extent, smallest, tie, argmax, maximum):
+    n, k = rows.shape
+    width = frame.shape[2]
     query = np.zeros(max(k, width))
     products = np.empty(LEAF)
     n_products = 0
     warm = 0  # the leaf of the answer to the query before
-    for x in range(len(argmax)):
-        head = tail = 0.0
-        for j in range(k):
-            query[j] = leaves[x // LEAF, j, x % LEAF]
-            if j < width:
-                head += query[j] ** 2
-            else:
-                tail += query[j] ** 2
+    for x in range(n):
+        query[:k] = rows[x]
+        head, tail = _dot(query[:width], query[:width]), _dot(query[width:], query[width:])
         # The largest product so far and its row; the smallest row tied with it, that one's product and leaf.
         best, row = head + tail, order[x]
         answer, held, home = row, best, x // LEAF
@@ -288,17 +270,13 @@ def _search(leaves, order, span, frame, extent, smallest, tie, argmax, maximum):
                     reach = length * extent[node, LENGTH]
                     useful = reach >= floor
                     if useful:
-                        bound = tail * extent[node, TAIL]
-                        for j in range(width):
-                            bound += query[j] * frame[node, 0, j]
+                        bound = _dot(query[:width], frame[node, 0]) + tail * extent[node, TAIL]
                         across = head * (1 + ROUNDING)
                         for axis in range(AXES):
-                            along = 0.0
-                            for j in range(width):
-                                along += query[j] * frame[node, axis + 1, j]
+                            along = _dot(query[:width], frame[node, axis + 1])
                             bound += abs(along) * extent[node, axis]
                             across -= along * along
-                        bound += np.sqrt(max(across, 0.0)) * extent[node, AXES]
+                        bound += np.sqrt(max(across, 0.0)) * extent[node, NORMAL]
                         slack = ROUNDING * reach
                         # Where nothing can be larger, only a tie with a smaller row counts.
                         useful = bound + slack >= floor and (bound > best + slack or smallest[node] < answer)
@@ -310,15 +288,15 @@ def _search(leaves, order, span, frame, extent, smallest, tie, argmax, maximum):
                         continue
                     leaf = first
                 node += 1
-                n_products += LEAF
-                products[:] = 0.0
-                for j in range(k):
-                    for i in range(LEAF):
-                        products[i] += query[j] * leaves[leaf, j, i]
-                for i in range(LEAF):
+                start = leaf * LEAF
+                size = min(LEAF, n - start)
+                n_products += size
+                for i in range(size):
+                    products[i] = _dot(rows[start + i], query)
+                for i in range(size):
                     if products[i] < floor:
                         continue
-                    y = order[leaf * LEAF + i]
+                    y = order[start + i]
                     if products[i] > best:
                         floor = products[i] * (1 - tie)
                         if held < floor:
