@@ -14,6 +14,7 @@ import heatwalk
 from studies import figures, render, tables
 from studies.engine import Lost
 
+CODE = ("../heatwalk", "../perturb", "../studies", "../conf")
 PACKAGES = ("numpy", "scipy", "trimesh", "pymeshlab", "fast-simplification", "pandas", "hydra-core")
 
 
@@ -79,7 +80,7 @@ def _provenance(trials):
         "version": heatwalk.__version__,
         "algorithm_version": heatwalk.ALGORITHM_VERSION,
         "python": platform.python_version(),
-        "platform": platform.platform(),
+        "platform": f"{platform.system()} {platform.machine()}",
         "packages": {name: metadata.version(name) for name in PACKAGES},
         "meshes_sha256": {trial.model.name: trial.mesh for trial in trials},
     }
@@ -96,7 +97,7 @@ def _commit():
     try:
         tracked = git("ls-files", Path(__file__).name)
         return (
-            git("rev-parse", "HEAD") + ("+changes" if git("status", "--porcelain", "--", "..") else "")
+            git("rev-parse", "HEAD") + ("+changes" if git("status", "--porcelain", "--", *CODE) else "")
             if tracked
             else None
         )
