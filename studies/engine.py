@@ -13,10 +13,14 @@ import pebble
 
 @dataclass(frozen=True)
 class Lost:
-    """The outcome of a task that gave no result because its time ran out or its process died."""
+    """The outcome of a task that gave no result: it failed, its time ran out or its process died."""
 
-    status: str  # timeout | crashed
+    status: str  # failed | timeout | crashed
     reason: str
+
+
+class LostError(RuntimeError):
+    """What was asked of an engine was lost; the message says why."""
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,16 @@
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from PIL import Image
+
+from studies import render
+from studies.engine import Lost, LostError
 
 matplotlib.use("Agg")
 
 OURS, PAPER = "#1f5fa8", "#c8501e"
 
 
-def curve(table, rows, axis, title, path):
+def curve(table, rows, axis, title):
     """Mean Change Percentage by level with its 95 % interval, each model's own mean, and the paper's points.
 
     Parameters
@@ -19,7 +21,6 @@ def curve(table, rows, axis, title, path):
     rows : DataFrame of the trials
     axis : str, what the levels are; their unit is put behind it
     title : str
-    path : Path of the PNG to write
     """
     figure = Figure(figsize=(6.4, 4.2), dpi=150, layout="constrained")
     axes = figure.add_subplot()
@@ -52,27 +53,30 @@ def curve(table, rows, axis, title, path):
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
-    figure.savefig(path)
+    return figure
 
 
 def _units(rows):
     return " and ".join(rows["unit"].unique()).replace("_", " ")
 
 
-def gallery_trials(planned, rows, n_models, n_columns):
-    """The trials that the gallery shows: of the first models that have them, one repeat of some levels.
+def gallery_trials(planned, rows, models, n_columns):
+    """The trials that the gallery shows: of each of some models, one repeat of some levels.
 
-    Models are taken evenly from the list, so that a benchmark shows several categories; levels evenly from the lowest
-    to the highest.
+    models : how many, taken evenly from the list, so that a benchmark shows several categories; or their names
+    n_columns : how many levels, evenly from the lowest to the highest; of a study of several parts, the last of each
     """
     good = set(rows.loc[rows["status"] == "ok", "trial_id"])
     first = {}
     for trial in planned:
         if trial.trial_id in good:
-            first.setdefault(trial.model.name, {}).setdefault(trial.level, trial)
-    models = _evenly(list(first), n_models)
-    levels = _evenly(list(dict.fromkeys(trial.level for trial in planned)), n_columns)
-    return [first[model][level] for model in models for level in levels if level in first[model]]
+            first.setdefault(trial.model.name, {}).setdefault((trial.part, trial.level), trial)
+    by_count = isinstance(models, int)
+    names = _evenly(list(first), models) if by_count else [str(name) for name in models if str(name) in first]
+    levels = list(dict.fromkeys((trial.part, trial.level) for trial in planned))
+    last = dict(levels)  # part -> its last level
+    levels = _evenly(levels, n_columns) if len(last) == 1 else list(last.items())
+    return [first[name][level] for name in names for level in levels if level in first[name]]
 
 
 def _evenly(items, count):
@@ -81,44 +85,41 @@ def _evenly(items, count):
     return [items[i] for i in np.linspace(0, len(items) - 1, count).round().astype(int)] if count > 0 else []
 
 
-def gallery(pictures, rows, axis, title, path):
-    """Write the pictures of originals and variants side by side, a row a model.
+def gallery(shown, rows, axes, title, engine):
+    """Originals and variants side by side, a row a model.
 
     Parameters
     ----------
-    pictures : dict (trial, whether it is the original) -> (height, width, 3) uint8 array, a model's in one run
+    shown : list of trials, those of a model one after the other
     rows : DataFrame, where the Change Percentage in the captions stands
-    axis : str, what the levels are
+    axes : dict, part -> what its levels are
     title : str
-    path : Path of the PNG to write
+    engine : what computes the segmentations and draws them
     """
+    first = {trial.model.name: trial for trial in reversed(shown)}
+    tasks = [task for t in shown for task in ([(t, True)] if first[t.model.name] is t else []) + [(t, False)]]
+    # By the workers: where drawing off screen takes a process down, the study's results stand all the same.
+    pictures = dict(engine.run(render.picture, tasks))
+    for picture in pictures.values():
+        if isinstance(picture, Lost):
+            raise LostError(picture.reason)
     change = rows.set_index("trial_id")["change_percentage"]
     by_model = {}
-    for (trial, original), picture in pictures.items():
-        caption = f"{trial.level:g}: CP {change[trial.trial_id]:.1f} %"
+    for trial, original in tasks:
+        part = f"{trial.part} ".replace("_", " ") if len(axes) > 1 else ""
+        caption = f"{part}{trial.level:g}: CP {change[trial.trial_id]:.1f} %"
         by_model.setdefault(trial.model.name, []).append(
-            (picture, f"{trial.model.name}: original" if original else caption)
+            (pictures[trial, original], f"{trial.model.name}: original" if original else caption)
         )
     columns = max(map(len, by_model.values()))
     figure = Figure(figsize=(2.4 * columns, 2.3 * len(by_model) + 0.4), dpi=150, layout="constrained")
-    figure.suptitle(f"{title}: {axis} ({_units(rows)}), and the Change Percentage (CP)")
+    what = f": {next(iter(axes.values()))} ({_units(rows)})" if len(axes) == 1 else ""
+    figure.suptitle(f"{title}{what}, and the Change Percentage (CP)")
     grid = figure.subplots(len(by_model), columns, squeeze=False)
-    for axes in grid.flat:
-        axes.set_axis_off()
+    for cell in grid.flat:
+        cell.set_axis_off()
     for line, cells in zip(grid, by_model.values(), strict=True):
-        for axes, (picture, caption) in zip(line, cells, strict=False):
-            axes.imshow(picture)
-            axes.set_title(caption, fontsize=9)
-    figure.savefig(path, metadata={"Shows": _shows(pictures)})
-
-
-def is_drawn(tasks, path):
-    """Whether ``path`` is a gallery of exactly these pictures already."""
-    if not path.exists():
-        return False
-    with Image.open(path) as image:
-        return image.info.get("Shows") == _shows(tasks)
-
-
-def _shows(tasks):
-    return " ".join(trial.trial_id for trial, _ in tasks)
+        for cell, (picture, caption) in zip(line, cells, strict=False):
+            cell.imshow(picture)
+            cell.set_title(caption, fontsize=9)
+    return figure

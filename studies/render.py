@@ -5,11 +5,13 @@ import pyvista
 
 from heatwalk import faces_from_vertices
 from heatwalk.files import label_colours
-from studies import trial as trials
 from studies.metrics import match_labels
 
 TILE = (480, 400)  # pixels
 TILT = 20  # degrees that the camera looks down from the side
+
+# The last reference made in this process: the pictures of one model are asked for one after the other.
+_last_reference = {}
 
 
 def picture(task):
@@ -18,12 +20,19 @@ def picture(task):
     task : (trial, whether to draw the original)
     """
     trial, original = task
-    reference = trials.reference(trial)
+    reference = _reference(trial)
     view = _view(np.asarray(reference.mesh.vertices))
     if original:
         return _draw(reference.mesh, reference.labels, view)
-    variant = trials.variant(trial)
+    variant = trial.variant(reference)
     return _draw(variant.mesh, _named_as_in_reference(variant), view)
+
+
+def _reference(trial):
+    if trial.shares not in _last_reference:
+        _last_reference.clear()
+        _last_reference[trial.shares] = trial.prepare()
+    return _last_reference[trial.shares]
 
 
 def _named_as_in_reference(variant):

@@ -67,8 +67,9 @@ def run_study(cfg, subfolder=""):
     from studies.store import Store
 
     console = Console()
+    experiment = hydra.utils.instantiate(cfg.experiment)
     trials = plan(cfg)
-    title = f"{cfg.study.title} on {trials[0].dataset}"
+    title = f"{cfg.title} on {trials[0].dataset}"
     folder = Path(str(cfg.results_dir)) / trials[0].study / trials[0].dataset / subfolder
     engine = hydra.utils.instantiate(cfg.engine)
     with Store(folder) as store:
@@ -80,10 +81,14 @@ def run_study(cfg, subfolder=""):
             + (f", {len(trials) - len(missing)} of them stored already" if len(missing) < len(trials) else "")
         )
         interrupted = _run_missing(engine, missing, store, console)
-        rows = store.frame([trial.trial_id for trial in trials])
+        rows = store.frame([trial.trial_id for trial in trials], experiment.columns)
     if rows.empty:
         _stop("interrupted before the first trial was done")
-    show.write(cfg, folder, title, rows, trials, None if interrupted else engine, console)
+    show.write(experiment, cfg, folder, rows, console)
+    show.write_origin(cfg, folder, trials)
+    if not interrupted:
+        show.draw(experiment, cfg, folder, trials, rows, engine, console)
+    console.print(f"written to {folder}", highlight=False, soft_wrap=True)
     failures = int((rows["status"] != "ok").sum())
     if failures:
         console.print(
@@ -108,7 +113,7 @@ def _run_missing(engine, missing, store, console):
         TimeRemainingColumn,
     )
 
-    from studies import trial as trials
+    from studies import schedule
 
     columns = (
         TextColumn("trials"),
@@ -126,17 +131,18 @@ def _run_missing(engine, missing, store, console):
     try:
         with Progress(*columns, console=console) as progress:
             bar = progress.add_task("trials", total=len(missing), rate="", failures="")
-            for trial, outcome in engine.run(trials.run, missing):
-                row = outcome if isinstance(outcome, dict) else trials.failed_row(trial, outcome.status, outcome.reason)
-                store.add(row)
-                failed += row["status"] != "ok"
-                speed = progress.tasks[bar].finished_speed or progress.tasks[bar].speed
-                progress.update(
-                    bar,
-                    advance=1,
-                    rate=f"{speed:.1f}/s" if speed else "",
-                    failures=f"{failed} failed" if failed else "",
-                )
+            tasks = schedule.Schedule(missing)
+            for task, outcome in engine.run(schedule.execute, tasks):
+                for row in tasks.rows(task, outcome):
+                    store.add(row)
+                    failed += row["status"] != "ok"
+                    speed = progress.tasks[bar].finished_speed or progress.tasks[bar].speed
+                    progress.update(
+                        bar,
+                        advance=1,
+                        rate=f"{speed:.1f}/s" if speed else "",
+                        failures=f"{failed} failed" if failed else "",
+                    )
     except KeyboardInterrupt:
         return True
     return False

@@ -1,4 +1,4 @@
-"""What a study leaves behind: rows, table, pictures, and what they were made from."""
+"""What a study leaves behind: rows, tables, pictures, and what they were made from."""
 
 import json
 import platform
@@ -8,67 +8,79 @@ from importlib import metadata
 from pathlib import Path
 
 from omegaconf import OmegaConf
+from PIL import Image
 from rich.table import Table
 
 import heatwalk
-from studies import figures, render, tables
-from studies.engine import Lost
+from studies import tables
+from studies.engine import LostError
 
 CODE = ("../heatwalk", "../perturb", "../studies", "../conf")
 PACKAGES = ("numpy", "scipy", "trimesh", "pymeshlab", "fast-simplification", "pandas", "hydra-core")
 
 
-def write(cfg, folder, title, rows, trials, engine, console):
-    """Write rows, table, pictures and what they were made from to ``folder``, and print the table.
+def write(experiment, cfg, folder, rows, console):
+    """Write rows, tables and curves of stored rows to ``folder``, and print the table.
 
     Parameters
     ----------
+    experiment : studies.experiments.Experiment
     cfg : the composed configuration
     folder : Path
-    title : str, over the table and the gallery
-    rows : DataFrame of the stored rows of ``trials``
-    engine : what computes the gallery's segmentations; None for no gallery
+    rows : DataFrame of the stored rows, in the order of the plan
     console : rich.console.Console
     """
+    title = f"{cfg.title} on {rows['dataset'].iloc[0]}"
     rows.to_parquet(folder / "trials.parquet", index=False)
-    table = tables.summary(rows, cfg.study.paper)
-    table.to_csv(folder / "table.csv", index=False, float_format="%.6g")
-    (folder / "table.md").write_text(tables.markdown(table, title))
+    made = experiment.tables(rows, cfg)
+    for stem, table in made.items():
+        table.to_csv(folder / f"{stem}.csv", index=False, float_format="%.6g")
+    table = next(iter(made.values()))
+    shown = experiment.display(table)
+    (folder / "table.md").write_text(tables.markdown(title, experiment.headings, shown, experiment.notes))
+    for stem, figure in experiment.curves(rows, made, cfg, title).items():
+        # Without the time of writing and the like: the same rows give the same bytes.
+        figure.savefig(folder / f"{stem}.pdf", metadata={"CreationDate": None})
+        figure.savefig(folder / f"{stem}.png", metadata={"Software": None})
+    console.print(_terminal_table(title, experiment, shown, experiment.narrow(table)))
+
+
+def write_origin(cfg, folder, trials):
+    """Write what was run, and what it was made with and from."""
     OmegaConf.save(cfg, folder / "config.yaml", resolve=True)
     (folder / "provenance.json").write_text(json.dumps(_provenance(trials), indent=2) + "\n")
-    figures.curve(table, rows, cfg.study.axis, title, folder / f"{cfg.study.name}.png")
-    console.print(_terminal_table(table, title))
-    if engine is not None:
-        _gallery(cfg, folder, title, rows, trials, engine, console)
-    console.print(f"written to {folder}", highlight=False, soft_wrap=True)
 
 
-def _gallery(cfg, folder, title, rows, trials, engine, console):
-    shown = figures.gallery_trials(trials, rows, cfg.gallery.models, cfg.gallery.columns)
-    first = {trial.model.name: trial for trial in reversed(shown)}
-    tasks = [task for t in shown for task in ([(t, True)] if first[t.model.name] is t else []) + [(t, False)]]
-    path = folder / "gallery.png"
-    if not tasks or figures.is_drawn(tasks, path):
-        return
-    with console.status("drawing the gallery"):
-        # By the workers: where drawing off screen takes a process down, the study's results stand all the same.
-        pictures = dict(engine.run(render.picture, tasks))
-    lost = [picture for picture in pictures.values() if isinstance(picture, Lost)]
-    if lost:
-        console.print(f"no gallery: a process that draws it {lost[0].reason}")
-    else:
-        figures.gallery({task: pictures[task] for task in tasks}, rows, cfg.study.axis, title, path)
+def draw(experiment, cfg, folder, trials, rows, engine, console):
+    """Draw the pictures of surfaces that are not there yet. What they show is computed anew, by the engine."""
+    title = f"{cfg.title} on {rows['dataset'].iloc[0]}"
+    for stem, shows, make in experiment.surfaces(trials, rows, cfg, title, engine):
+        path = folder / f"{stem}.png"
+        if _is_drawn(path, shows):
+            continue
+        with console.status(f"drawing {path.name}"):
+            try:
+                figure = make()
+            except LostError as lost:
+                console.print(f"no {path.name}: drawing it failed: {lost}", markup=False, soft_wrap=True)
+                continue
+        figure.savefig(path, dpi=300, metadata={"Software": None, "Shows": shows})
 
 
-def _terminal_table(table, title):
+def _is_drawn(path, shows):
+    if not path.exists():
+        return False
+    with Image.open(path) as image:
+        return image.info.get("Shows") == shows
+
+
+def _terminal_table(title, experiment, rows, narrow):
     """The columns that fit on 80 characters; table.md has them all."""
-    unit = " and ".join(table["unit"].unique()).replace("_", " ")
-    columns = ("level", "mean", "interval", "median", "paper", "n", "failures")
-    shown = Table(title=title, caption=f"CP: Change Percentage. level: {unit}")
-    for column in columns:
-        shown.add_column(tables.HEADINGS[column], justify="right", no_wrap=True)
-    for row in tables.display(table):
-        shown.add_row(*(row[column] for column in columns))
+    shown = Table(title=title, caption="table.md says what the columns mean")
+    for key in narrow:
+        shown.add_column(experiment.headings[key.removesuffix("_alone")], justify="right", no_wrap=True)
+    for row in rows:
+        shown.add_row(*(row[key] for key in narrow))
     return shown
 
 

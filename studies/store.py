@@ -41,10 +41,14 @@ class Store:
     def __exit__(self, *_):
         self.close()
 
-    def frame(self, trial_ids):
-        """The stored rows of these trials, in this order: a DataFrame with ``COLUMNS``."""
+    def frame(self, trial_ids, further=None):
+        """The stored rows of these trials, in this order: a DataFrame.
+
+        further : the columns behind ``COLUMNS``, with their types
+        """
+        columns = COLUMNS | (further or {})
         rows = [self.rows[i] for i in trial_ids if i in self.rows]
-        return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COLUMNS)
+        return pd.DataFrame(rows, columns=list(columns)).astype(columns)
 
     def _read(self):
         content = self.path.read_bytes()

@@ -7,29 +7,28 @@ RESAMPLES = 2000
 
 
 def summary(trials, paper):
-    """Change Percentage by level.
+    """Change Percentage by part and level.
 
     Parameters
     ----------
     trials : DataFrame of rows, as ``Store.frame`` gives them
-    paper : dict, level -> the Change Percentage that the paper reports
+    paper : dict, part -> dict, level -> the Change Percentage that the paper reports
 
     Returns
     -------
-    DataFrame with the columns level, unit, mean, ci_low, ci_high (the 95 % interval of the mean), median, van_dongen,
-    rand_index_error (means), n_segments, n_segments_reference (means), n (trials that gave a figure), failures, paper
+    DataFrame with the columns part, level, unit, mean, ci_low, ci_high (the 95 % interval of the mean), median,
+    van_dongen, rand_index_error (means), n_segments, n_segments_reference (means), n (trials that gave a figure),
+    failures, paper
     """
     rows = []
-    for (level, unit), group in trials.groupby(["level", "unit"], sort=False):
+    for (part, level, unit), group in trials.groupby(["part", "level", "unit"], sort=False):
         good = group[group["status"] == "ok"]
-        low, high = interval(good)
         rows.append(
             {
+                "part": part,
                 "level": level,
                 "unit": unit,
-                "mean": _model_mean(good, "change_percentage"),
-                "ci_low": low,
-                "ci_high": high,
+                **_mean_and_interval(good),
                 "median": good["change_percentage"].median(),
                 "van_dongen": _model_mean(good, "van_dongen"),
                 "rand_index_error": _model_mean(good, "rand_index_error"),
@@ -37,10 +36,28 @@ def summary(trials, paper):
                 "n_segments_reference": _model_mean(good, "n_segments_reference"),
                 "n": len(good),
                 "failures": len(group) - len(good),
-                "paper": next((float(cp) for at, cp in paper.items() if np.isclose(at, level)), np.nan),
+                "paper": next((float(cp) for at, cp in paper[part].items() if np.isclose(at, level)), np.nan),
             }
         )
     return pd.DataFrame(rows)
+
+
+def by_category(trials):
+    """Change Percentage by part, level and category: part, level, unit, category, mean, ci_low, ci_high, median, n."""
+    return pd.DataFrame(
+        {
+            **dict(zip(("part", "level", "unit", "category"), key, strict=True)),
+            **_mean_and_interval(good),
+            "median": good["change_percentage"].median(),
+            "n": len(good),
+        }
+        for key, good in trials[trials["status"] == "ok"].groupby(["part", "level", "unit", "category"], sort=False)
+    )
+
+
+def _mean_and_interval(trials, column="change_percentage"):
+    low, high = interval(trials, column)
+    return {"mean": _model_mean(trials, column), "ci_low": low, "ci_high": high}
 
 
 def _model_mean(trials, column):
@@ -76,6 +93,7 @@ def interval(trials, column="change_percentage"):
 
 
 HEADINGS = {
+    "part": "perturbation",
     "level": "level",
     "unit": "unit",
     "mean": "CP %",
@@ -92,16 +110,13 @@ HEADINGS = {
 
 def display(table):
     """The table as text, a dict a row with the keys of ``HEADINGS``: what table.md and the terminal show."""
-
-    def number(value, digits):
-        return "–" if pd.isna(value) else f"{value:.{digits}f}"
-
     return [
         {
+            "part": row.part.replace("_", " "),
             "level": f"{row.level:g}",
             "unit": row.unit.replace("_", " "),
             "mean": number(row.mean, 2),
-            "interval": "–" if pd.isna(row.ci_low) else f"{row.ci_low:.2f} – {row.ci_high:.2f}",
+            "interval": interval_text(row.ci_low, row.ci_high, 2),
             "median": number(row.median, 2),
             "paper": number(row.paper, 2),
             "van_dongen": number(row.van_dongen, 2),
@@ -114,18 +129,21 @@ def display(table):
     ]
 
 
-def markdown(table, title):
-    """The table as a page of Markdown, with what its columns mean."""
-    lines = [f"# {title}", ""]
-    lines += ["| " + " | ".join(HEADINGS.values()) + " |", "|" + " --- |" * len(HEADINGS)]
-    lines += ["| " + " | ".join(row.values()) + " |" for row in display(table)]
-    lines += [
-        "",
-        "Change Percentage: twice the share of points that must change their segment, in percent, under the best "
-        "one-to-one matching of segments; its mean over models and repeats, with the 95 % bootstrap interval (models "
-        "resampled, then repeats). Paper: Benjamin et al. 2011, Table 2 and section 6.6, where it gives a figure; its "
-        "models are not named. van Dongen: van Dongen's distance in percent, the same where segments match one to "
-        "one. Rand error: 1 − Rand index. Segments: their mean number after and before.",
-        "",
-    ]
-    return "\n".join(lines)
+def number(value, digits):
+    """A number as text, – where there is none."""
+    return "–" if pd.isna(value) else f"{value:.{digits}f}"
+
+
+def interval_text(low, high, digits):
+    return "–" if pd.isna(low) else f"{low:.{digits}f} – {high:.{digits}f}"
+
+
+def markdown(title, headings, rows, notes):
+    """A page of Markdown: the rows of a table as text, and what its columns mean.
+
+    headings : dict, key in the rows -> heading
+    rows : list of dict
+    """
+    lines = [f"# {title}", "", "| " + " | ".join(headings.values()) + " |", "|" + " --- |" * len(headings)]
+    lines += ["| " + " | ".join(row[key] for key in headings) + " |" for row in rows]
+    return "\n".join([*lines, "", notes, ""])

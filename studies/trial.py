@@ -1,21 +1,19 @@
-"""One trial: perturb a mesh, segment it, compare it with the segmentation of the original; one row."""
+"""What a trial is: the least thing that is planned, run and stored; one row."""
 
-import json
-import time
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-import numpy as np
-import trimesh
+from studies.datasets import Model
 
-from studies.metrics import change_percentage, rand_index_error, van_dongen
-
-# The columns of a row, in the order in which they stand in trials.parquet, with their types.
+# The columns of a row, in the order in which they stand in trials.parquet, with their types. An experiment may put
+# columns of its own behind them.
 COLUMNS = {
     "study": "string",
     "dataset": "string",
     "model": "string",
     "category": "string",
     "segmenter": "string",
+    "part": "string",  # the part of the study; the study itself where it has one part
     "perturbation": "string",
     "level": "float64",
     "unit": "string",
@@ -39,84 +37,55 @@ COLUMNS = {
     "trial_id": "string",
 }
 
-
-@dataclass(frozen=True)
-class Reference:
-    """A model's own mesh and its segmentation."""
-
-    mesh: trimesh.Trimesh
-    labels: np.ndarray
+# Timings: the columns in which two runs of the same trial may differ.
+TIMINGS = ("seconds_perturb", "seconds_segment")
 
 
-@dataclass(frozen=True)
-class Variant:
-    """A perturbed mesh and its segmentation, beside the reference."""
+@dataclass(frozen=True, kw_only=True)
+class Trial(ABC):
+    """One measurement on one model: everything a worker needs, and small to send.
 
-    reference: Reference
-    mesh: trimesh.Trimesh
-    labels: np.ndarray
-    counterpart: np.ndarray
-    applied: dict
-    seconds_perturb: float
-    seconds_segment: float
+    study, dataset, part : names
+    model : studies.datasets.Model, which loads its mesh when asked
+    mesh : str, the model's digest
+    segmenter_name : str
+    perturbation_name : str, "" where nothing is perturbed
+    level : float, the amount in ``unit``
+    repeat : int, 0 …
+    seed : int, of the trial's own random generator
+    shares : str; trials of the same value, planned one after the other, share what ``prepare`` gives
+    trial_id : str, what determines the trial's result
+    """
 
-    def compared(self):
-        """Labels of the reference and of the variant at the vertices of the original that still exist."""
-        kept = self.counterpart >= 0
-        return self.reference.labels[kept], self.labels[self.counterpart[kept]]
+    study: str
+    dataset: str
+    part: str
+    model: Model
+    mesh: str
+    segmenter_name: str
+    perturbation_name: str = ""
+    level: float = 0.0
+    unit: str = ""
+    repeat: int = 0
+    seed: int = 0
+    shares: str
+    trial_id: str
 
+    @abstractmethod
+    def prepare(self):
+        """What this trial needs and others share, such as the segmentation of the original."""
 
-# The last reference made in this process: a worker gets the trials of one model one after the other.
-_last_reference = {}
-
-
-def reference(trial):
-    """The segmentation of the trial's unperturbed mesh."""
-    key = (trial.mesh, trial.segmenter_id)
-    if key not in _last_reference:
-        _last_reference.clear()
-        loaded = trial.model.load()
-        mesh = trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
-        _last_reference[key] = Reference(mesh, _segment(trial, mesh))
-    return _last_reference[key]
-
-
-def variant(trial):
-    """Perturb and segment: the trial's geometry."""
-    original = reference(trial)
-    start = time.perf_counter()
-    perturbed = trial.perturbation(original.mesh, np.random.default_rng(trial.seed))
-    middle = time.perf_counter()
-    labels = _segment(trial, perturbed.mesh)
-    end = time.perf_counter()
-    return Variant(
-        original, perturbed.mesh, labels, perturbed.counterpart, perturbed.applied, middle - start, end - middle
-    )
+    @abstractmethod
+    def measure(self, prepared):
+        """The columns of the row that only running the trial tells: a dict."""
 
 
-def run(trial):
-    """The trial's row: a dict with the keys of ``COLUMNS``. Whatever a trial raises becomes its row."""
+def run(trial, prepared):
+    """The trial's row: a dict. Whatever a trial raises becomes its row."""
     try:
-        outcome = variant(trial)
-        before, after = outcome.compared()
-        return empty_row(trial) | {
-            "n_vertices": len(outcome.reference.mesh.vertices),
-            "n_faces": len(outcome.reference.mesh.faces),
-            "n_vertices_perturbed": len(outcome.mesh.vertices),
-            "n_faces_perturbed": len(outcome.mesh.faces),
-            "n_compared": len(before),
-            "n_segments_reference": len(np.unique(outcome.reference.labels)),
-            "n_segments": len(np.unique(outcome.labels)),
-            "change_percentage": change_percentage(before, after),
-            "van_dongen": van_dongen(before, after),
-            "rand_index_error": rand_index_error(before, after),
-            "seconds_perturb": outcome.seconds_perturb,
-            "seconds_segment": outcome.seconds_segment,
-            "status": "ok",
-            "applied": json.dumps(outcome.applied),
-        }
+        return empty_row(trial) | trial.measure(prepared) | {"status": "ok"}
     except Exception as error:
-        return failed_row(trial, "failed", f"{type(error).__name__}: {error}")
+        return failed_row(trial, "failed", reason(error))
 
 
 def empty_row(trial):
@@ -127,6 +96,7 @@ def empty_row(trial):
         "model": trial.model.name,
         "category": trial.model.category,
         "segmenter": trial.segmenter_name,
+        "part": trial.part,
         "perturbation": trial.perturbation_name,
         "level": trial.level,
         "unit": trial.unit,
@@ -137,16 +107,10 @@ def empty_row(trial):
 
 
 def failed_row(trial, status, error):
-    """The row of a trial that gave no labels."""
-    return empty_row(trial) | {"status": status, "error": " ".join(error.split())}
+    """The row of a trial that gave no figure."""
+    return empty_row(trial) | {"status": status, "error": error}
 
 
-def _segment(trial, mesh):
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    labels = np.asarray(trial.segmenter(vertices, faces))
-    if labels.shape != (len(vertices),) or not np.issubdtype(labels.dtype, np.integer):
-        raise ValueError(
-            f"{trial.segmenter_name} gave labels of shape {labels.shape} and type {labels.dtype} "
-            f"for {len(vertices)} vertices; a segmenter gives one integer a vertex"
-        )
-    return labels
+def reason(error):
+    """An exception as one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())

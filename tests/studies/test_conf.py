@@ -10,6 +10,7 @@ from omegaconf import OmegaConf
 
 import conf
 import perturb
+from studies.experiments.change import parts
 from tests.meshes import DATA, bundled
 
 CONF = Path(conf.__file__).parent
@@ -26,13 +27,15 @@ def test_every_study_composes_and_its_perturbation_works_at_every_level(study, c
     cfg = composed(f"+study={study}")
     assert cfg.study.name == study
     assert cfg.repeats >= 1
+    assert cfg.title
     mesh = bundled("cow")
-    for level in cfg.levels:
-        perturbation = hydra.utils.instantiate(cfg.perturbation, **{cfg.study.swept: level})
-        assert getattr(perturbation, cfg.study.swept) == level
-        result = perturbation(mesh, np.random.default_rng(0))
-        assert isinstance(result.mesh, trimesh.Trimesh)
-        assert result.counterpart.shape == (len(mesh.vertices),)
+    for part in parts(cfg).values() if cfg.experiment._target_.endswith(".Change") else ():
+        for level in part.levels:
+            perturbation = hydra.utils.instantiate(part.perturbation, **{part.swept: level})
+            assert getattr(perturbation, part.swept) == level
+            result = perturbation(mesh, np.random.default_rng(0))
+            assert isinstance(result.mesh, trimesh.Trimesh)
+            assert result.counterpart.shape == (len(mesh.vertices),)
 
 
 @pytest.mark.parametrize("name", names("perturbation"))
@@ -73,7 +76,7 @@ def test_the_papers_figures_in_the_studies_are_those_of_table_2(composed):
         pytest.skip(f"the paper's tables are not at hand: no {PAPER}")
     table = pd.read_csv(PAPER / "table2.csv")
     for study, rows in table.groupby("perturbation"):
-        paper = composed(f"+study={study}").study.paper
+        paper = composed(f"+study={study}").paper
         scale = 0.01 if rows["level_unit"].iloc[0].startswith("percent") else 1
         expected = {
             round(level * scale, 6): cp for level, cp in zip(rows["level"], rows["change_percentage"], strict=True)

@@ -46,7 +46,7 @@ def test_what_does_not_change_the_result_leaves_the_id(composed, change):
 
 def test_another_field_than_the_amount_can_be_swept(composed):
     trials = plan(
-        composed("+study=shot_noise", "study.swept=height", "levels=[0.5,2]", "repeats=1", "perturbation.amount=0.06")
+        composed("+study=shot_noise", "swept=height", "levels=[0.5,2]", "repeats=1", "perturbation.amount=0.06")
     )
     assert {(t.perturbation.amount, t.perturbation.height, t.unit) for t in trials} == {
         (0.06, 0.5, "mean_edge_length"),

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.tables import display, interval, markdown, summary
+from studies.tables import HEADINGS, display, interval, markdown, summary
 
 
 def trials(values, level=0.1):
@@ -10,6 +10,7 @@ def trials(values, level=0.1):
     return pd.DataFrame(
         [
             {
+                "part": "shot_noise",
                 "model": model,
                 "level": level,
                 "unit": "share_of_vertices",
@@ -28,7 +29,7 @@ def trials(values, level=0.1):
 
 def test_a_row_a_level_with_mean_over_models_counts_and_the_papers_figure():
     frame = pd.concat([trials({"a": [1.0, 3.0], "b": [6.0, None]}), trials({"a": [0.0], "b": [10.0]}, level=0.2)])
-    table = summary(frame, {0.2: 4.5})
+    table = summary(frame, {"shot_noise": {0.2: 4.5}})
     assert table["level"].tolist() == [0.1, 0.2]
     assert table["mean"].tolist() == [4.0, 5.0]  # (2 + 6) / 2: the failed repeat does not make b weigh less
     assert table["median"].tolist() == [3.0, 5.0]
@@ -39,7 +40,7 @@ def test_a_row_a_level_with_mean_over_models_counts_and_the_papers_figure():
 
 
 def test_a_level_of_which_every_trial_failed_stays_in_the_table():
-    table = summary(trials({"a": [None, None]}), {})
+    table = summary(trials({"a": [None, None]}), {"shot_noise": {}})
     assert table["failures"].tolist() == [2]
     assert table[["mean", "ci_low", "ci_high", "median"]].isna().all(axis=None)
     assert display(table)[0]["mean"] == "–"
@@ -75,7 +76,9 @@ def test_the_interval_is_the_same_every_time():
 
 def test_the_page_shows_every_level_and_nothing_is_nan():
     frame = pd.concat([trials({"a": [1.0]}), trials({"a": [None]}, level=0.2)])
-    page = markdown(summary(frame, {}), "Shot noise on files")
+    page = markdown("Shot noise on files", HEADINGS, display(summary(frame, {"shot_noise": {}})), "What it means.")
     assert "| 0.1 | share of vertices | 1.00 | – |" in page
     assert "| 0.2 |" in page
+    assert page.startswith("# Shot noise on files\n")
+    assert page.endswith("\nWhat it means.\n")
     assert "nan" not in page

@@ -6,8 +6,17 @@ import pytest
 
 import heatwalk
 from studies import trial as trials
+from studies.engine import Serial
 from studies.metrics import change_percentage
 from studies.plan import plan
+from studies.schedule import Schedule, execute
+
+
+def row_of(trial):
+    """The row of one trial, run in this process."""
+    schedule = Schedule([trial])
+    (row,) = [row for task, outcome in Serial().run(execute, schedule) for row in schedule.rows(task, outcome)]
+    return row
 
 
 @pytest.fixture
@@ -16,10 +25,10 @@ def ant_trial(composed):
 
 
 def test_the_row_says_what_the_parts_say(ant_trial):
-    row = trials.run(ant_trial)
+    row = row_of(ant_trial)
     mesh = ant_trial.model.load()
     reference = heatwalk.segment(mesh.vertices, mesh.faces).labels
-    perturbed = ant_trial.perturbation(trials.reference(ant_trial).mesh, np.random.default_rng(ant_trial.seed))
+    perturbed = ant_trial.perturbation(ant_trial.prepare().mesh, np.random.default_rng(ant_trial.seed))
     labels = heatwalk.segment(perturbed.mesh.vertices, perturbed.mesh.faces).labels
     assert set(row) == set(trials.COLUMNS)
     assert row["status"] == "ok"
@@ -32,9 +41,9 @@ def test_the_row_says_what_the_parts_say(ant_trial):
 
 def test_only_vertices_that_still_exist_are_compared(composed):
     trial = plan(composed("+study=missing_parts", "dataset.models=[ant]", "levels=[0.2]", "repeats=1"))[0]
-    outcome = trials.variant(trial)
+    outcome = trial.variant(trial.prepare())
     before, after = outcome.compared()
-    assert len(before) == len(after) == trials.run(trial)["n_compared"] < len(outcome.counterpart)
+    assert len(before) == len(after) == row_of(trial)["n_compared"] < len(outcome.counterpart)
     kept = np.flatnonzero(outcome.counterpart >= 0)
     np.testing.assert_array_equal(
         outcome.mesh.vertices[outcome.counterpart[kept]], outcome.reference.mesh.vertices[kept]
@@ -44,14 +53,14 @@ def test_only_vertices_that_still_exist_are_compared(composed):
 @pytest.mark.parametrize("factor", [0.5, 1.5, 3, 10])
 def test_scaling_changes_nothing_at_all(composed, factor):
     for trial in plan(composed("+study=scaling", f"levels=[{factor}]", "repeats=1")):
-        row = trials.run(trial)
+        row = row_of(trial)
         assert row["change_percentage"] == row["van_dongen"] == row["rand_index_error"] == 0
 
 
 @pytest.mark.slow
 def test_scaling_changes_nothing_at_all_on_the_benchmark(composed, psb_zip):
     for trial in plan(composed("+study=scaling", "dataset=psb", f"dataset.root={psb_zip}")):
-        assert trials.run(trial)["change_percentage"] == 0, trial.model.name
+        assert row_of(trial)["change_percentage"] == 0, trial.model.name
 
 
 def raise_oddly(vertices, faces):
@@ -67,7 +76,7 @@ def too_few_labels(vertices, faces):
     [(raise_oddly, "RuntimeError: no luck today"), (too_few_labels, "ValueError: HeatWalk gave labels of shape (3,)")],
 )
 def test_a_segmenter_that_fails_is_a_row(ant_trial, segmenter, error):
-    row = trials.run(dataclasses.replace(ant_trial, segmenter=segmenter, segmenter_id="other"))
+    row = row_of(dataclasses.replace(ant_trial, segmenter=segmenter))
     assert row["status"] == "failed"
     assert row["error"].startswith(error)
     assert row["change_percentage"] is None
@@ -77,12 +86,12 @@ def test_a_segmenter_that_fails_is_a_row(ant_trial, segmenter, error):
 def test_a_mesh_that_cannot_be_read_is_a_row(composed, tmp_path):
     (tmp_path / "broken.off").write_text("OFF\n4 4 0\n0 0 0\n")
     trial = plan(composed("+study=holes", "dataset=files", f"dataset.glob={tmp_path}", "repeats=1"))[0]
-    row = trials.run(trial)
+    row = row_of(trial)
     assert row["status"] == "failed"
     assert "broken.off" in row["error"]
 
 
 def test_the_background_is_a_segment_like_any_other_in_the_comparison(ant_trial):
-    outcome = trials.variant(ant_trial)
+    outcome = ant_trial.variant(ant_trial.prepare())
     assert -1 in outcome.labels
-    assert trials.run(ant_trial)["n_segments"] == len(np.unique(outcome.labels))
+    assert row_of(ant_trial)["n_segments"] == len(np.unique(outcome.labels))

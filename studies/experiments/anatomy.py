@@ -1,0 +1,141 @@
+"""What happens inside the Heat Walk (paper, sections 3 to 5, Figures 1 to 4) and what it makes of shapes (Figure 5)."""
+
+import time
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pandas as pd
+
+from studies import plates, tables
+from studies.experiments.experiment import Claim, Experiment
+from studies.plan import StudyError, digest, identity
+from studies.trial import Trial
+
+# After how many steps of the walk the share of settled points is kept.
+STEPS = (1, 2, 3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnatomyTrial(Trial):
+    """One model and its walk.
+
+    segmenter : studies.segmenters.HeatWalk
+    """
+
+    segmenter: object
+
+    def prepare(self):
+        """The mesh."""
+        return self.model.load()
+
+    def measure(self, mesh):
+        start = time.perf_counter()
+        segmentation = self.segmenter.segmentation(mesh.vertices, mesh.faces)
+        seconds = time.perf_counter() - start
+        settled = plates.settled_shares(segmentation.walk)
+        return {
+            "n_vertices": len(mesh.vertices),
+            "n_faces": len(mesh.faces),
+            "n_segments": segmentation.n_segments,
+            "n_steps": len(settled) - 1,
+            **{f"settled_{step}": float(settled[min(step, len(settled) - 1)]) for step in STEPS},
+            "dissipating": float(segmentation.dissipates.mean()),
+            "seconds_segment": seconds,
+        }
+
+
+class Anatomy(Experiment):
+    """The walk of every model: its steps, its dissipators; and the figures that show them."""
+
+    columns: ClassVar[dict[str, str]] = {
+        "n_steps": "Int64",
+        **{f"settled_{step}": "float64" for step in STEPS},
+        "dissipating": "float64",
+    }
+    headings: ClassVar[dict[str, str]] = {
+        "what": "mean over models",
+        "mean": "value",
+        "interval": "95 % interval",
+        "lowest": "lowest",
+        "highest": "highest",
+        "paper": "paper",
+        "n": "models",
+        "failures": "failed",
+    }
+    notes = (
+        "Settled: the share of points that after so many steps of the walk stand at their final exemplar, in percent. "
+        "Dissipating: the share of points in the dissipator region. Intervals: bootstrap over models."
+    )
+
+    def narrow(self, table):
+        return tuple(self.headings)
+
+    def claims(self, tables, cfg):
+        return [
+            Claim(f"Figure 3: {row.what}", row.paper, row.mean, row.ci_low, row.ci_high, " %", 1, higher_is_better=True)
+            for row in tables["table"].itertuples()
+            if not pd.isna(row.paper)
+        ]
+
+    def plan(self, cfg, dataset, method):
+        if not hasattr(method.segment, "segmentation"):
+            raise StudyError(f"the study {cfg.study.name} looks inside the Heat Walk, which {method.name} is not")
+        trials = []
+        for model in dataset.models():
+            mesh = identity(model)
+            trials.append(
+                AnatomyTrial(
+                    study=cfg.study.name,
+                    dataset=dataset.name,
+                    part=cfg.study.name,
+                    model=model,
+                    mesh=mesh[1],
+                    segmenter=method.segment,
+                    segmenter_name=method.name,
+                    shares=digest(mesh),
+                    trial_id=digest("anatomy", mesh, method.identity)[:24],
+                )
+            )
+        return trials
+
+    def tables(self, rows, cfg):
+        good = rows[rows["status"] == "ok"]
+        measured = {
+            "steps of the walk": good["n_steps"].astype(float),
+            **{f"settled after step {step}, %": 100 * good[f"settled_{step}"] for step in STEPS},
+            "dissipating, %": 100 * good["dissipating"],
+            "segments": good["n_segments"].astype(float),
+        }
+        found = []
+        for what, values in measured.items():
+            low, high = tables.interval(pd.DataFrame({"model": good["model"], "value": values}), "value")
+            found.append(
+                {
+                    "what": what,
+                    "mean": values.mean(),
+                    "ci_low": low,
+                    "ci_high": high,
+                    "lowest": values.min(),
+                    "highest": values.max(),
+                    "paper": cfg.paper.get(what, np.nan),
+                    "n": len(good),
+                    "failures": len(rows) - len(good),
+                }
+            )
+        return {"table": pd.DataFrame(found)}
+
+    def display(self, table):
+        return [
+            {
+                "what": row.what,
+                "mean": tables.number(row.mean, 1),
+                "interval": tables.interval_text(row.ci_low, row.ci_high, 1),
+                "lowest": tables.number(row.lowest, 1),
+                "highest": tables.number(row.highest, 1),
+                "paper": tables.number(row.paper, 1),
+                "n": str(row.n),
+                "failures": str(row.failures),
+            }
+            for row in table.itertuples()
+        ]

@@ -1,0 +1,215 @@
+"""How far a segmentation moves when its mesh is perturbed (paper, sections 6.2 to 6.6, Table 2)."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import hydra.utils
+import numpy as np
+import trimesh
+from omegaconf import OmegaConf
+
+from studies import figures, tables
+from studies.experiments.experiment import Claim, Experiment
+from studies.metrics import change_percentage, rand_index_error, van_dongen
+from studies.plan import StudyError, digest, identity, whole_number
+from studies.trial import Trial
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A model's own mesh and its segmentation."""
+
+    mesh: trimesh.Trimesh
+    labels: np.ndarray
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A perturbed mesh and its segmentation, beside the reference."""
+
+    reference: Reference
+    mesh: trimesh.Trimesh
+    labels: np.ndarray
+    counterpart: np.ndarray
+    applied: dict
+    seconds_perturb: float
+    seconds_segment: float
+
+    def compared(self):
+        """Labels of the reference and of the variant at the vertices of the original that still exist."""
+        kept = self.counterpart >= 0
+        return self.reference.labels[kept], self.labels[self.counterpart[kept]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangeTrial(Trial):
+    """One perturbation of one mesh, to be segmented and compared with the segmentation of the original.
+
+    perturbation : callable (trimesh.Trimesh, numpy.random.Generator) -> perturb.Perturbed
+    segmenter : callable (vertices, faces) -> labels
+    """
+
+    perturbation: Callable
+    segmenter: Callable
+
+    def prepare(self):
+        """The segmentation of the unperturbed mesh: Reference."""
+        loaded = self.model.load()
+        mesh = trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
+        return Reference(mesh, self._segment(mesh))
+
+    def variant(self, reference):
+        """Perturb and segment: the trial's geometry."""
+        start = time.perf_counter()
+        perturbed = self.perturbation(reference.mesh, np.random.default_rng(self.seed))
+        middle = time.perf_counter()
+        labels = self._segment(perturbed.mesh)
+        end = time.perf_counter()
+        return Variant(
+            reference, perturbed.mesh, labels, perturbed.counterpart, perturbed.applied, middle - start, end - middle
+        )
+
+    def measure(self, reference):
+        outcome = self.variant(reference)
+        before, after = outcome.compared()
+        return {
+            "n_vertices": len(reference.mesh.vertices),
+            "n_faces": len(reference.mesh.faces),
+            "n_vertices_perturbed": len(outcome.mesh.vertices),
+            "n_faces_perturbed": len(outcome.mesh.faces),
+            "n_compared": len(before),
+            "n_segments_reference": len(np.unique(reference.labels)),
+            "n_segments": len(np.unique(outcome.labels)),
+            "change_percentage": change_percentage(before, after),
+            "van_dongen": van_dongen(before, after),
+            "rand_index_error": rand_index_error(before, after),
+            "seconds_perturb": outcome.seconds_perturb,
+            "seconds_segment": outcome.seconds_segment,
+            "applied": json.dumps(outcome.applied),
+        }
+
+    def _segment(self, mesh):
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        labels = np.asarray(self.segmenter(vertices, faces))
+        if labels.shape != (len(vertices),) or not np.issubdtype(labels.dtype, np.integer):
+            raise ValueError(
+                f"{self.segmenter_name} gave labels of shape {labels.shape} and type {labels.dtype} "
+                f"for {len(vertices)} vertices; a segmenter gives one integer a vertex"
+            )
+        return labels
+
+
+class Change(Experiment):
+    """Change Percentage by level of one perturbation, or of several: the study's parts."""
+
+    headings: ClassVar[dict[str, str]] = tables.HEADINGS
+    notes = (
+        "Change Percentage (CP): twice the share of points that must change their segment, in percent, under the best"
+        " one-to-one matching of segments; its mean over models and repeats, with the 95 % bootstrap interval (models"
+        " resampled, then repeats). Paper: Benjamin et al. 2011, where it gives a figure; its models are not named. "
+        "van Dongen: van Dongen's distance in percent, the same where segments match one to one. Rand error: 1 − Rand"
+        " index. Segments: their mean number after and before."
+    )
+
+    def plan(self, cfg, dataset, method):
+        repeats = whole_number("repeats", cfg.repeats)
+        perturbations = [
+            (name, level, perturbation, part.swept, recipe)
+            for name, part in parts(cfg).items()
+            for recipe in [OmegaConf.to_container(part.perturbation, resolve=True) | {part.swept: None}]
+            for level, perturbation in _levels(name, part)
+        ]
+        trials = []
+        for model in dataset.models():
+            mesh = identity(model)
+            for part, level, perturbation, swept, recipe in perturbations:
+                for repeat in range(repeats):
+                    # The seed leaves out the segmenter and the perturbation's other options: methods and readings are
+                    # compared under the same draws.
+                    seed = int(digest(part, mesh, perturbation.name, level, repeat)[:15], 16)
+                    trials.append(
+                        ChangeTrial(
+                            study=cfg.study.name,
+                            dataset=dataset.name,
+                            part=part,
+                            model=model,
+                            mesh=mesh[1],
+                            perturbation=perturbation,
+                            segmenter=method.segment,
+                            perturbation_name=perturbation.name,
+                            segmenter_name=method.name,
+                            level=level,
+                            unit=_unit(perturbation, swept),
+                            repeat=repeat,
+                            seed=seed,
+                            shares=digest(mesh, method.identity),
+                            trial_id=digest(part, mesh, recipe, level, repeat, seed, method.identity)[:24],
+                        )
+                    )
+        return trials
+
+    def tables(self, rows, cfg):
+        named = {name: part.paper for name, part in parts(cfg).items()}
+        found = {"table": tables.summary(rows, named)}
+        if rows["category"].nunique() > 1:
+            found["by_category"] = tables.by_category(rows)
+        return found
+
+    def display(self, table):
+        return tables.display(table)
+
+    def narrow(self, table):
+        several = table["part"].nunique() > 1
+        return (*(["part"] if several else []), "level", "mean", "interval", "median", "paper", "n", "failures")
+
+    def claims(self, tables, cfg):
+        return [
+            Claim(
+                f"{parts(cfg)[row.part].title}: {row.level:g} {row.unit.replace('_', ' ')}",
+                row.paper, row.mean, row.ci_low, row.ci_high, " %",
+            )
+            for row in tables["table"].itertuples()
+        ]  # fmt: skip
+
+    def curves(self, rows, tables, cfg, title):
+        if len(parts(cfg)) > 1:
+            named = {name: (part.title, part.axis) for name, part in parts(cfg).items()}
+            return {cfg.study.name: figures.panels(tables["table"], rows, named, title)}
+        return {cfg.study.name: figures.curve(tables["table"], rows, cfg.axis, title)}
+
+    def surfaces(self, trials, rows, cfg, title, engine):
+        shown = figures.gallery_trials(trials, rows, cfg.gallery.models, cfg.gallery.columns)
+        if shown:
+            axes = {name: part.axis for name, part in parts(cfg).items()}
+            yield (
+                "gallery",
+                " ".join([cfg.gallery.style, *(trial.trial_id for trial in shown)]),
+                lambda: figures.gallery(shown, rows, axes, title, engine),
+            )
+
+
+def parts(cfg):
+    """The parts of a study, each with title, axis, swept, paper, levels and perturbation: dict by name.
+
+    A study of one perturbation is its own only part.
+    """
+    if not cfg.get("perturbation") and not cfg.get("parts"):
+        raise StudyError(f"the study {cfg.study.name!r} says no perturbation")
+    return cfg.get("parts") or {cfg.study.name: cfg}
+
+
+def _levels(name, part):
+    """(level, the perturbation at that level) of a part."""
+    if not part.levels:
+        raise StudyError(f"{name}: levels is empty: give at least one, as in 'levels=[0.1,0.2]'")
+    if len(set(part.levels)) < len(part.levels):
+        raise StudyError(f"{name}: levels holds a value twice: {list(part.levels)}")
+    return [(float(level), hydra.utils.instantiate(part.perturbation, **{part.swept: level})) for level in part.levels]
+
+
+def _unit(perturbation, swept):
+    """The unit of the field that the levels stand for: ``unit`` of ``amount``, ``height_unit`` of ``height``."""
+    return str(getattr(perturbation, "unit" if swept == "amount" else f"{swept}_unit", ""))

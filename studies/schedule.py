@@ -1,0 +1,83 @@
+"""In which order the trials of a study are run: what several share is prepared first, once, and handed to each."""
+
+from collections import deque
+from dataclasses import dataclass
+from itertools import groupby
+
+from studies import trial as trials
+from studies.engine import Lost
+from studies.trial import Trial
+
+
+@dataclass(frozen=True, eq=False)
+class Preparation:
+    """The task of preparing what the trial's group shares."""
+
+    trial: Trial
+
+    def __call__(self):
+        try:
+            return Prepared(self.trial.prepare())
+        except Exception as error:
+            return Lost("failed", trials.reason(error))
+
+
+@dataclass(frozen=True)
+class Prepared:
+    value: object
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """The task of measuring one trial."""
+
+    trial: Trial
+    prepared: Prepared
+
+    def __call__(self):
+        return trials.run(self.trial, self.prepared.value)
+
+
+def execute(task):
+    """Run a task, wherever an engine puts it."""
+    return task()
+
+
+class Schedule:
+    """An iterator of the tasks that can run now, and the rows that their outcomes give.
+
+    It ends while all that is left waits for a preparation, and goes on once ``rows`` has been told of its outcome: an
+    engine asks again after each. Only the preparations that trials still wait for are held.
+
+    Parameters
+    ----------
+    planned : iterable of Trial, those that share a preparation one after the other
+    """
+
+    def __init__(self, planned):
+        self._groups = (list(group) for _, group in groupby(planned, key=lambda trial: trial.shares))
+        self._waiting = {}
+        self._ready = deque()
+
+    def __iter__(self):
+        return self
+
+    def __next__(self):
+        if self._ready:
+            return self._ready.popleft()
+        group = next(self._groups)
+        task = Preparation(group[0])
+        self._waiting[task] = group
+        return task
+
+    def rows(self, task, outcome):
+        """The rows that ``outcome`` of ``task`` gives: none, one, or those of all trials that waited for it."""
+        if isinstance(task, Measurement):
+            if isinstance(outcome, Lost):
+                return [trials.failed_row(task.trial, outcome.status, outcome.reason)]
+            return [outcome]
+        group = self._waiting.pop(task)
+        if isinstance(outcome, Lost):
+            return [trials.failed_row(trial, outcome.status, outcome.reason) for trial in group]
+        self._ready.extend(Measurement(trial, outcome) for trial in group)
+        return []
