@@ -1,4 +1,4 @@
-"""The Princeton benchmark for the tests, where it is at hand."""
+"""The Princeton benchmark and TOSCA for the tests, where they are at hand."""
 
 import os
 import zipfile
@@ -20,19 +20,7 @@ def psb_zip():
 @pytest.fixture(scope="session")
 def psb_root(psb_zip, tmp_path_factory):
     """The benchmark unpacked, once for all test processes."""
-    shared = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        shared = shared.parent
-    target = shared / "psb"
-    if not target.exists():
-        unpacking = shared / f"psb-{os.getpid()}"
-        zipfile.ZipFile(psb_zip).extractall(unpacking)
-        try:
-            unpacking.rename(target)
-        except OSError:
-            if not target.exists():  # else another process was quicker
-                raise
-    return target / "MeshsegBenchmark-1.0"
+    return unpacked(psb_zip, tmp_path_factory) / "MeshsegBenchmark-1.0"
 
 
 @pytest.fixture(scope="session")
@@ -43,3 +31,33 @@ def psb_mesh(psb_root):
         return trimesh.load(psb_root / "data" / "off" / f"{model}.off", process=False)
 
     return load
+
+
+@pytest.fixture(scope="session")
+def tosca_zip():
+    path = DATA / "tosca-dev.zip"
+    if not path.exists():
+        pytest.skip(f"TOSCA is not at hand: no {path}")
+    return path
+
+
+@pytest.fixture(scope="session")
+def tosca_root(tosca_zip, tmp_path_factory):
+    """The folder of TOSCA's poses at 5,000 vertices, unpacked, once for all test processes."""
+    return unpacked(tosca_zip, tmp_path_factory) / "TOSCA_Isometric" / "vtx_5k"
+
+
+def unpacked(archive, tmp_path_factory):
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+    target = shared / archive.stem
+    if not target.exists():
+        unpacking = shared / f"{archive.stem}-{os.getpid()}"
+        zipfile.ZipFile(archive).extractall(unpacking)
+        try:
+            unpacking.rename(target)
+        except OSError:
+            if not target.exists():  # else another process was quicker
+                raise
+    return target

@@ -4,6 +4,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,13 @@ def wanted(option: str, values: Iterable[str | int] | None) -> set[str] | None:
     if isinstance(values, str | int):
         raise DatasetError(f"dataset.{option}={values} must be a list: 'dataset.{option}=[{values}]'")
     return None if values is None else {str(value) for value in values}
+
+
+def check_there(what: str, asked: set[str], there: set[str], listed: str, root: Path) -> None:
+    """Refuse what was asked for and is not there, and say what is, as `listed`."""
+    missing = sorted(asked - there, key=natural_order)
+    if missing:
+        raise DatasetError(f"{root} does not have the {what} {', '.join(missing)}; it has {listed or 'none'}")
 
 
 def natural_order(name: str) -> list[tuple[int, str]]:

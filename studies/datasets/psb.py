@@ -6,19 +6,17 @@ doi:10.1145/1531326.1531379.
 
 import difflib
 import hashlib
-import tempfile
 import zipfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.files import LoadedMesh, read_mesh, read_seg
-from heatwalk.meshes import MeshError
-from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, wanted
+from studies.datasets.dataset import Dataset, DatasetError, Model, check_there, natural_order, wanted
+from studies.datasets.folders import find, folder, read
 
 # The benchmark numbers its models by category; 261 to 280 are not part of it.
 CATEGORIES = {
@@ -81,21 +79,21 @@ class PSBModel(Model):
     data: str
 
     def load(self) -> LoadedMesh:
-        return _read(self._off(), read_mesh)
+        return read(self._off(), read_mesh)
 
     def digest(self) -> str:
         return hashlib.sha256(self._off().read_bytes()).hexdigest()
 
     def human_segmentations(self) -> list[NDArray[np.int64]]:
         """One array of face labels (m,) a person, in the order of the benchmark's numbers for them."""
-        folder = _folder(self.root, self.data) / "seg" / "Benchmark" / self.name
-        if not folder.is_dir():
+        people = folder(self.root, self.data) / "seg" / "Benchmark" / self.name
+        if not people.is_dir():
             return []
-        files = (file for file in folder.iterdir() if file.name.endswith(".seg"))
-        return [_read(file, read_seg) for file in sorted(files, key=lambda file: natural_order(file.name))]
+        files = (file for file in people.iterdir() if file.name.endswith(".seg"))
+        return [read(file, read_seg) for file in sorted(files, key=lambda file: natural_order(file.name))]
 
     def _off(self) -> Path | zipfile.Path:
-        return _folder(self.root, self.data) / "off" / f"{self.name}.off"
+        return folder(self.root, self.data) / "off" / f"{self.name}.off"
 
 
 class PSB(Dataset):
@@ -104,7 +102,7 @@ class PSB(Dataset):
     Parameters
     ----------
     root : the unpacked benchmark (the folder above it, it, or its ``data``), or its zip, which stays packed
-    categories : only models of these categories, in capitals or not; all without
+    categories : only models of these categories, in capitals or not; "non_rigid" for those of `NON_RIGID`; all without
     models : only models of these numbers; all without. Together with `categories`: those that satisfy both
     """
 
@@ -113,24 +111,24 @@ class PSB(Dataset):
     def __init__(
         self,
         root: str | Path | None,
-        categories: Sequence[str] | None = None,
+        categories: Sequence[str] | str | None = None,
         models: Sequence[int | str] | None = None,
     ):
         self._root = Path(root).expanduser().absolute() if root else None
-        self._categories = wanted("categories", categories)
+        self._categories = wanted("categories", NON_RIGID if categories == "non_rigid" else categories)
         self._names = wanted("models", models)
 
     def models(self) -> list[Model]:
-        root, data = self._find()
-        files = {file.name for file in (_folder(root, data) / "off").iterdir()}
+        root, data = find(self._root, lambda inside: (inside / "off").is_dir(), _LAYOUT)
+        files = {file.name for file in (folder(root, data) / "off").iterdir()}
         there = {name: category for name, category in _CATEGORY_OF.items() if f"{name}.off" in files}
         chosen = there
         if self._categories is not None:
             categories = {_category(name) for name in self._categories}
-            _check_there("categories", categories, set(there.values()), ", ".join(dict.fromkeys(there.values())), root)
+            check_there("categories", categories, set(there.values()), ", ".join(dict.fromkeys(there.values())), root)
             chosen = {name: category for name, category in chosen.items() if category in categories}
         if self._names is not None:
-            _check_there("models", self._names, set(there), _spans(there), root)
+            check_there("models", self._names, set(there), _spans(there), root)
             chosen = {name: category for name, category in chosen.items() if name in self._names}
         if not chosen:
             raise DatasetError(
@@ -138,39 +136,6 @@ class PSB(Dataset):
                 f"leave none of them"
             )
         return [PSBModel(name, category, root, data) for name, category in chosen.items()]
-
-    def _find(self) -> tuple[Path, str]:
-        """The root, and where in it the folders ``off`` and ``seg`` are."""
-        root = self._root
-        if root is None:
-            raise DatasetError(f"the dataset 'psb' is not told where the benchmark is.\n{_LAYOUT}")
-        if not root.exists():
-            raise DatasetError(f"{root} does not exist.\n{_LAYOUT}")
-        if root.is_dir() or zipfile.is_zipfile(root):
-            top = _folder(root, "")
-            below = sorted(child.name for child in top.iterdir() if child.is_dir())
-            for data in ("", "data", *(f"{name}/data" for name in below)):
-                if (_folder(root, data) / "off").is_dir():
-                    return root, data
-        raise DatasetError(f"{root} does not hold the benchmark.\n{_LAYOUT}")
-
-
-def _folder(root: Path, inside: str) -> Path | zipfile.Path:
-    """A folder of a folder or zip, either way with the same methods."""
-    return root / inside if root.is_dir() else zipfile.Path(root, f"{inside}/" if inside else "")
-
-
-def _read(file: Path | zipfile.Path, reader: Callable[[Path], Any]) -> Any:
-    """What `reader` gives for a file, also where that is a member of a zip."""
-    if isinstance(file, Path):
-        return reader(file)
-    with tempfile.TemporaryDirectory() as folder:
-        unpacked = Path(folder, file.name)
-        unpacked.write_bytes(file.read_bytes())
-        try:
-            return reader(unpacked)
-        except MeshError as error:
-            raise MeshError(str(error).replace(str(unpacked), str(file))) from error
 
 
 def _category(name: str) -> str:
@@ -181,12 +146,6 @@ def _category(name: str) -> str:
     near = difflib.get_close_matches(name.lower(), spelling, n=1)
     hint = f"did you mean {spelling[near[0]]}? " if near else ""
     raise DatasetError(f"the benchmark has no category {name!r}; {hint}It has {', '.join(CATEGORIES)}")
-
-
-def _check_there(what: str, asked: set[str], there: set[str], listed: str, root: Path) -> None:
-    missing = sorted(asked - there, key=natural_order)
-    if missing:
-        raise DatasetError(f"{root} does not have the {what} {', '.join(missing)}; it has {listed or 'none'}")
 
 
 def _spans(names: Iterable[str]) -> str:

@@ -26,8 +26,9 @@ def small(tmp_path):
 
 
 def as_zip(folder, path):
+    files = list(folder.rglob("*"))  # before the zip, which may lie in the folder
     with zipfile.ZipFile(path, "w") as archive:
-        for file in folder.rglob("*"):
+        for file in files:
             archive.write(file, file.relative_to(folder))
     return path
 
