@@ -1,6 +1,7 @@
 """The Heat Walk as a segmenter."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ class HeatWalk:
     time_unit: str = "paper"
     density: str = "vertices"
     split_dissipators: bool = False
+
+    algorithm_version: ClassVar[int] = heatwalk.ALGORITHM_VERSION
 
     def __call__(self, vertices, faces):
         result = heatwalk.segment(
