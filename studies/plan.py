@@ -2,31 +2,14 @@
 
 import hashlib
 import json
-from dataclasses import dataclass
 
 import hydra.utils
-from omegaconf import OmegaConf
 
-import heatwalk
-from studies.datasets import Dataset
+from studies import segmenters
 
 
 class StudyError(ValueError):
     """A configuration that is not a study; the message says which option and what to type."""
-
-
-@dataclass(frozen=True)
-class Method:
-    """A segmenter, and what determines its results.
-
-    name : str
-    segment : callable (vertices, faces) -> labels
-    identity : str
-    """
-
-    name: str
-    segment: object
-    identity: str
 
 
 def plan(cfg):
@@ -45,19 +28,8 @@ def plan(cfg):
     StudyError
         for options that make no trial
     """
-    return hydra.utils.instantiate(cfg.experiment).plan(cfg, dataset(cfg), method(cfg))
-
-
-def dataset(cfg) -> Dataset:
-    return hydra.utils.instantiate(cfg.dataset)
-
-
-def method(cfg) -> Method:
-    return Method(
-        cfg.segmenter._target_.rsplit(".", 1)[-1],
-        hydra.utils.instantiate(cfg.segmenter),
-        digest(OmegaConf.to_container(cfg.segmenter, resolve=True), heatwalk.ALGORITHM_VERSION),
-    )
+    dataset = hydra.utils.instantiate(cfg.dataset)
+    return hydra.utils.instantiate(cfg.experiment).plan(cfg, dataset, segmenters.make(cfg.segmenter))
 
 
 def whole_number(name, value):

@@ -41,6 +41,18 @@ class Model(ABC):
         """Face labels (m,), one array a person, for the datasets that have them; else none."""
         return []
 
+    def people_digest(self) -> str:
+        """SHA-256 of all that determines what `human_segmentations` gives."""
+        return ""
+
+    def correspondence(self) -> NDArray[np.int64]:
+        """The vertex of this pose for each point that the poses of its shape have in common: (p,)."""
+        raise DatasetError(f"model {self.name}: its dataset does not say which points of two poses are the same")
+
+    def correspondence_digest(self) -> str:
+        """SHA-256 of all that determines what `correspondence` gives."""
+        return ""
+
 
 class Dataset(ABC):
     """A named collection of models. Making one reads nothing; `models` looks for the files.

@@ -86,11 +86,17 @@ class PSBModel(Model):
 
     def human_segmentations(self) -> list[NDArray[np.int64]]:
         """One array of face labels (m,) a person, in the order of the benchmark's numbers for them."""
+        return [read(file, read_seg) for file in self._people()]
+
+    def people_digest(self) -> str:
+        return hashlib.sha256(b"\0".join(file.read_bytes() for file in self._people())).hexdigest()
+
+    def _people(self) -> list[Path | zipfile.Path]:
         people = folder(self.root, self.data) / "seg" / "Benchmark" / self.name
         if not people.is_dir():
             return []
         files = (file for file in people.iterdir() if file.name.endswith(".seg"))
-        return [read(file, read_seg) for file in sorted(files, key=lambda file: natural_order(file.name))]
+        return sorted(files, key=lambda file: natural_order(file.name))
 
     def _off(self) -> Path | zipfile.Path:
         return folder(self.root, self.data) / "off" / f"{self.name}.off"

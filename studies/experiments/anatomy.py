@@ -10,6 +10,7 @@ import pandas as pd
 from studies import plates, tables
 from studies.experiments.experiment import Claim, Experiment
 from studies.plan import StudyError, digest, identity
+from studies.segmenters import Segmenter
 from studies.trial import Trial
 
 # After how many steps of the walk the share of settled points is kept.
@@ -20,10 +21,10 @@ STEPS = (1, 2, 3)
 class AnatomyTrial(Trial):
     """One model and its walk.
 
-    segmenter : studies.segmenters.HeatWalk
+    segmenter : studies.segmenters.Segmenter, of a Heat Walk
     """
 
-    segmenter: object
+    segmenter: Segmenter
 
     def prepare(self):
         """The mesh."""
@@ -31,7 +32,7 @@ class AnatomyTrial(Trial):
 
     def measure(self, mesh):
         start = time.perf_counter()
-        segmentation = self.segmenter.segmentation(mesh.vertices, mesh.faces)
+        segmentation = self.segmenter.method.segmentation(mesh.vertices, mesh.faces)
         seconds = time.perf_counter() - start
         settled = plates.settled_shares(segmentation.walk)
         return {
@@ -78,9 +79,9 @@ class Anatomy(Experiment):
             if not pd.isna(row.paper)
         ]
 
-    def plan(self, cfg, dataset, method):
-        if not hasattr(method.segment, "segmentation"):
-            raise StudyError(f"the study {cfg.study.name} looks inside the Heat Walk, which {method.name} is not")
+    def plan(self, cfg, dataset, segmenter):
+        if not hasattr(segmenter.method, "segmentation"):
+            raise StudyError(f"the study {cfg.study.name} looks inside the Heat Walk, which {segmenter.name} is not")
         trials = []
         for model in dataset.models():
             mesh = identity(model)
@@ -91,10 +92,10 @@ class Anatomy(Experiment):
                     part=cfg.study.name,
                     model=model,
                     mesh=mesh[1],
-                    segmenter=method.segment,
-                    segmenter_name=method.name,
+                    segmenter=segmenter,
+                    segmenter_name=segmenter.name,
                     shares=digest(mesh),
-                    trial_id=digest("anatomy", mesh, method.identity)[:24],
+                    trial_id=digest("anatomy", mesh, *segmenter.identity)[:24],
                 )
             )
         return trials

@@ -1,7 +1,6 @@
 """How far a segmentation is from people's (paper, section 6.1, Table 1)."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 from typing import ClassVar
@@ -14,6 +13,7 @@ from studies import figures, tables
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import psb
 from studies.plan import digest, identity
+from studies.segmenters import Segmenter
 from studies.trial import Trial
 
 # The columns of Table 1, as the benchmark's evaluator calls them -> as the paper heads them.
@@ -32,10 +32,10 @@ PEOPLE = "Humans"
 class BenchmarkTrial(Trial):
     """The segmentation of one model against those of every person, or every person's against the others'.
 
-    segmenter : callable (vertices, faces) -> labels; None for the people
+    segmenter : studies.segmenters.Segmenter; None for the people
     """
 
-    segmenter: Callable | None
+    segmenter: Segmenter | None
 
     def prepare(self):
         """The mesh and people's segmentations of its faces."""
@@ -102,11 +102,11 @@ class Benchmark(Experiment):
             for metric in METRICS
         ]  # fmt: skip
 
-    def plan(self, cfg, dataset, method):
+    def plan(self, cfg, dataset, segmenter):
         trials = []
         for model in dataset.models():
             mesh = identity(model)
-            for name, segmenter, what in ((method.name, method.segment, method.identity), (PEOPLE, None, PEOPLE)):
+            for judged in (segmenter, None):
                 trials.append(
                     BenchmarkTrial(
                         study=cfg.study.name,
@@ -114,10 +114,10 @@ class Benchmark(Experiment):
                         part=cfg.study.name,
                         model=model,
                         mesh=mesh[1],
-                        segmenter=segmenter,
-                        segmenter_name=name,
+                        segmenter=judged,
+                        segmenter_name=judged.name if judged else PEOPLE,
                         shares=digest(mesh),
-                        trial_id=digest("benchmark", mesh, model.people_digest(), what)[:24],
+                        trial_id=digest("benchmark", mesh, model.people_digest(), judged and judged.identity)[:24],
                     )
                 )
         return trials

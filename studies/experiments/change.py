@@ -15,6 +15,7 @@ from studies import figures, tables
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.plan import StudyError, digest, identity, whole_number
+from studies.segmenters import Segmenter
 from studies.trial import Trial
 
 
@@ -49,24 +50,24 @@ class ChangeTrial(Trial):
     """One perturbation of one mesh, to be segmented and compared with the segmentation of the original.
 
     perturbation : callable (trimesh.Trimesh, numpy.random.Generator) -> perturb.Perturbed
-    segmenter : callable (vertices, faces) -> labels
+    segmenter : studies.segmenters.Segmenter
     """
 
     perturbation: Callable
-    segmenter: Callable
+    segmenter: Segmenter
 
     def prepare(self):
         """The segmentation of the unperturbed mesh: Reference."""
         loaded = self.model.load()
         mesh = trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
-        return Reference(mesh, self._segment(mesh))
+        return Reference(mesh, self.segmenter(mesh.vertices, mesh.faces))
 
     def variant(self, reference):
         """Perturb and segment: the trial's geometry."""
         start = time.perf_counter()
         perturbed = self.perturbation(reference.mesh, np.random.default_rng(self.seed))
         middle = time.perf_counter()
-        labels = self._segment(perturbed.mesh)
+        labels = self.segmenter(perturbed.mesh.vertices, perturbed.mesh.faces)
         end = time.perf_counter()
         return Variant(
             reference, perturbed.mesh, labels, perturbed.counterpart, perturbed.applied, middle - start, end - middle
@@ -91,16 +92,6 @@ class ChangeTrial(Trial):
             "applied": json.dumps(outcome.applied),
         }
 
-    def _segment(self, mesh):
-        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-        labels = np.asarray(self.segmenter(vertices, faces))
-        if labels.shape != (len(vertices),) or not np.issubdtype(labels.dtype, np.integer):
-            raise ValueError(
-                f"{self.segmenter_name} gave labels of shape {labels.shape} and type {labels.dtype} "
-                f"for {len(vertices)} vertices; a segmenter gives one integer a vertex"
-            )
-        return labels
-
 
 class Change(Experiment):
     """Change Percentage by level of one perturbation, or of several: the study's parts."""
@@ -114,7 +105,7 @@ class Change(Experiment):
         " index. Segments: their mean number after and before."
     )
 
-    def plan(self, cfg, dataset, method):
+    def plan(self, cfg, dataset, segmenter):
         repeats = whole_number("repeats", cfg.repeats)
         perturbations = [
             (name, level, perturbation, part.swept, recipe)
@@ -138,15 +129,15 @@ class Change(Experiment):
                             model=model,
                             mesh=mesh[1],
                             perturbation=perturbation,
-                            segmenter=method.segment,
+                            segmenter=segmenter,
                             perturbation_name=perturbation.name,
-                            segmenter_name=method.name,
+                            segmenter_name=segmenter.name,
                             level=level,
                             unit=_unit(perturbation, swept),
                             repeat=repeat,
                             seed=seed,
-                            shares=digest(mesh, method.identity),
-                            trial_id=digest(part, mesh, recipe, level, repeat, seed, method.identity)[:24],
+                            shares=digest(mesh, *segmenter.identity),
+                            trial_id=digest(part, mesh, recipe, level, repeat, seed, *segmenter.identity)[:24],
                         )
                     )
         return trials

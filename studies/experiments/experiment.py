@@ -52,12 +52,12 @@ class Experiment(ABC):
     notes: ClassVar[str]
 
     @abstractmethod
-    def plan(self, cfg, dataset, method):
+    def plan(self, cfg, dataset, segmenter):
         """The trials, model by model: list of studies.trial.Trial.
 
         cfg : DictConfig
         dataset : studies.datasets.Dataset
-        method : studies.plan.Method
+        segmenter : studies.segmenters.Segmenter
         """
 
     @abstractmethod

@@ -1,7 +1,6 @@
 """How far a segmentation moves from pose to pose (paper, section 6.2, Figures 6 and 7, which show pictures alone)."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations, groupby
 from typing import ClassVar
@@ -14,6 +13,7 @@ from studies.datasets import Model
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.plan import StudyError, digest, identity
+from studies.segmenters import Segmenter
 from studies.trial import Trial, reason
 
 
@@ -34,12 +34,12 @@ class PoseTrial(Trial):
 
     other : the model of the second pose
     poses : every pose of the shape
-    segmenter : callable (vertices, faces) -> labels
+    segmenter : studies.segmenters.Segmenter
     """
 
     other: Model
     poses: tuple[Model, ...]
-    segmenter: Callable
+    segmenter: Segmenter
 
     def prepare(self):
         """Every pose of the shape: dict, name -> Pose, or the reason why there is none."""
@@ -112,13 +112,13 @@ class Poses(Experiment):
         what = f"Between all pairs of poses, {row['shape']} shapes" if row["shape"] == "all" else row["shape"]
         return [Claim(what, np.nan, row["mean"], row["ci_low"], row["ci_high"], " %")]
 
-    def plan(self, cfg, dataset, method):
+    def plan(self, cfg, dataset, segmenter):
         trials = []
         models = sorted(dataset.models(), key=lambda model: model.category)
         for shape, group in groupby(models, key=lambda model: model.category):
             poses = tuple(group)
             meshes = {model.name: [*identity(model), model.correspondence_digest()] for model in poses}
-            shares = digest(meshes, method.identity)
+            shares = digest(meshes, *segmenter.identity)
             for a, b in combinations(poses, 2):
                 trials.append(
                     PoseTrial(
@@ -129,11 +129,11 @@ class Poses(Experiment):
                         mesh=meshes[a.name][1],
                         other=b,
                         poses=poses,
-                        segmenter=method.segment,
-                        segmenter_name=method.name,
+                        segmenter=segmenter,
+                        segmenter_name=segmenter.name,
                         perturbation_name="pose",
                         shares=shares,
-                        trial_id=digest("pose", meshes[a.name], meshes[b.name], method.identity)[:24],
+                        trial_id=digest("pose", meshes[a.name], meshes[b.name], *segmenter.identity)[:24],
                     )
                 )
         if not trials:

@@ -10,6 +10,7 @@ from studies import figures, tables
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.plan import StudyError, digest, identity, whole_number
+from studies.segmenters import Segmenter
 from studies.trial import Trial
 
 # The time that the others are compared with: the paper's for all its other experiments.
@@ -24,17 +25,17 @@ class TimeTrial(Trial):
     """One model at one time.
 
     times : every time of the study: one eigenproblem serves them all
-    segmenter : studies.segmenters.HeatWalk
+    segmenter : studies.segmenters.Segmenter, of a Heat Walk
     """
 
     times: tuple[float, ...]
-    segmenter: object
+    segmenter: Segmenter
 
     def prepare(self):
         """The model's labels at every time and at the usual one."""
         mesh = self.model.load()
         times = sorted({*self.times, USUAL_TIME})
-        labels = self.segmenter.at_times(mesh.vertices, mesh.faces, times)
+        labels = self.segmenter.method.at_times(mesh.vertices, mesh.faces, times)
         return len(mesh.vertices), len(mesh.faces), dict(zip(times, labels, strict=True))
 
     def measure(self, prepared):
@@ -90,9 +91,9 @@ class Times(Experiment):
             if row.counted == "all"
         ]  # fmt: skip
 
-    def plan(self, cfg, dataset, method):
-        if not hasattr(method.segment, "at_times"):
-            raise StudyError(f"the study {cfg.study.name} is about heat's time, which {method.name} does not have")
+    def plan(self, cfg, dataset, segmenter):
+        if not hasattr(segmenter.method, "at_times"):
+            raise StudyError(f"the study {cfg.study.name} is about heat's time, which {segmenter.name} does not have")
         times = _times(cfg)
         models = dataset.models()
         if cfg.models_drawn is not None and whole_number("models_drawn", cfg.models_drawn) < len(models):
@@ -101,7 +102,7 @@ class Times(Experiment):
         trials = []
         for model in models:
             mesh = identity(model)
-            shares = digest(mesh, method.identity, times)
+            shares = digest(mesh, *segmenter.identity, times)
             trials += [
                 TimeTrial(
                     study=cfg.study.name,
@@ -110,13 +111,13 @@ class Times(Experiment):
                     model=model,
                     mesh=mesh[1],
                     times=times,
-                    segmenter=method.segment,
-                    segmenter_name=method.name,
+                    segmenter=segmenter,
+                    segmenter_name=segmenter.name,
                     perturbation_name="time",
                     level=time,
-                    unit=method.segment.time_unit,
+                    unit=segmenter.method.time_unit,
                     shares=shares,
-                    trial_id=digest("time", mesh, time, method.identity)[:24],
+                    trial_id=digest("time", mesh, time, *segmenter.identity)[:24],
                 )
                 for time in times
             ]

@@ -1,6 +1,7 @@
 """The Heat Walk as a segmenter."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,15 +17,25 @@ class HeatWalk:
     density: str = "vertices"
     split_dissipators: bool = False
 
+    algorithm_version: ClassVar[int] = heatwalk.ALGORITHM_VERSION
+
     def __call__(self, vertices, faces):
-        result = heatwalk.segment(
-            vertices,
-            faces,
-            self.time,
-            time_unit=self.time_unit,
-            density=self.density,
-            split_dissipators=self.split_dissipators,
-        )
-        if self.split_dissipators:
-            return result.labels
-        return np.where(result.dissipates, -1, result.labels)
+        return self._labels(self.segmentation(vertices, faces))
+
+    def segmentation(self, vertices, faces):
+        """All that `heatwalk.segment` gives."""
+        return heatwalk.segment(vertices, faces, self.time, **self._options())
+
+    def at_times(self, vertices, faces, times):
+        """Labels at each of ``times``, from one eigenproblem: an iterator of arrays."""
+        return map(self._labels, heatwalk.segment_at_times(vertices, faces, times, **self._options()))
+
+    def _options(self):
+        return {
+            "time_unit": self.time_unit,
+            "density": self.density,
+            "split_dissipators": self.split_dissipators,
+        }
+
+    def _labels(self, result):
+        return result.labels if self.split_dissipators else np.where(result.dissipates, -1, result.labels)

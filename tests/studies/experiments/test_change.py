@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import heatwalk
+from studies import segmenters
 from studies import trial as trials
 from studies.engine import Serial
 from studies.metrics import change_percentage
@@ -73,10 +74,13 @@ def too_few_labels(vertices, faces):
 
 @pytest.mark.parametrize(
     ("segmenter", "error"),
-    [(raise_oddly, "RuntimeError: no luck today"), (too_few_labels, "ValueError: HeatWalk gave labels of shape (3,)")],
+    [
+        ("raise_oddly", "RuntimeError: no luck today"),
+        ("too_few_labels", "LabelError: too_few_labels gave 3 labels"),
+    ],
 )
 def test_a_segmenter_that_fails_is_a_row(ant_trial, segmenter, error):
-    row = row_of(dataclasses.replace(ant_trial, segmenter=segmenter))
+    row = row_of(dataclasses.replace(ant_trial, segmenter=segmenters.make({"_target_": f"{__name__}.{segmenter}"})))
     assert row["status"] == "failed"
     assert row["error"].startswith(error)
     assert row["change_percentage"] is None

@@ -1,0 +1,170 @@
+"""A method of one's own, as a person configures it."""
+
+import pickle
+import sys
+
+import numpy as np
+import pytest
+
+import heatwalk
+from studies.engine import Local
+from studies.segmenters import HeatWalk, SegmenterError, make
+from tests.meshes import bundled
+
+MINE = """
+import numpy as np
+
+def halves(vertices, faces, axis=0):
+    return (vertices[:, axis] > np.median(vertices[:, axis])).astype(int)
+
+def halves_of_faces(vertices, faces):
+    centres = vertices[faces].mean(axis=1)
+    vertices[:] = 0
+    return (centres[:, 0] > 0).astype(int)
+
+def timed(vertices, faces, time=5.0):
+    return np.full(len(vertices), int(time))
+
+def fails(vertices, faces):
+    raise RuntimeError("no legs")
+
+class Parts:
+    name = "my parts"
+
+    def __init__(self, k, weights=(1,)):
+        if k < 1:
+            raise ValueError(f"segmenter.k is {k}: give at least 1")
+        self.label = lambda i: i % k  # cannot be pickled
+        assert isinstance(weights, list | tuple)
+
+    def __call__(self, vertices, faces):
+        return np.array([self.label(i) for i in range(len(vertices))])
+
+class Uncallable:
+    pass
+"""
+
+
+@pytest.fixture(scope="module")
+def ant():
+    mesh = bundled("ant")
+    return np.asarray(mesh.vertices) - mesh.vertices.mean(axis=0), np.asarray(mesh.faces)
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    """The current folder, with a person's own module my_methods in it, and nowhere else on the path."""
+    (tmp_path / "my_methods.py").write_text(MINE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    yield tmp_path
+    sys.modules.pop("my_methods", None)
+    make.__globals__["_method"].cache_clear()
+
+
+def made(composed, *overrides):
+    return make(composed(*overrides).segmenter)
+
+
+def test_the_heat_walk_labels_as_it_always_does(composed, ant):
+    segmenter = made(composed, "segmenter.time=0.5")
+    assert (segmenter(*ant) == HeatWalk(0.5)(*ant)).all()
+    assert segmenter.name == "HeatWalk"
+    options = {"_target_": "studies.segmenters.HeatWalk", "time": 0.5, "time_unit": "paper", "density": "vertices"}
+    assert segmenter.identity == [options | {"split_dissipators": False}, heatwalk.ALGORITHM_VERSION]
+
+
+def test_a_function_is_named_and_called_with_the_options_beside_it(mine, composed, ant):
+    assert (
+        made(composed, "segmenter._target_=my_methods.halves")(*ant) == (ant[0][:, 0] > np.median(ant[0][:, 0]))
+    ).all()
+    segmenter = made(composed, "segmenter._target_=my_methods.halves", "+segmenter.axis=2")
+    assert (segmenter(*ant) == (ant[0][:, 2] > np.median(ant[0][:, 2]))).all()
+    assert segmenter.name == "halves"
+
+
+@pytest.mark.parametrize("group", [[], ["segmenter=custom"]])
+def test_it_is_the_same_method_with_and_without_the_group_custom(group, mine, composed):
+    words = ["segmenter._target_=my_methods.halves", "+segmenter.axis=1"]
+    assert made(composed, *group, *words) == made(composed, *words)
+
+
+def test_faces_may_be_labelled_and_the_mesh_written_to(mine, composed, ant):
+    vertices = ant[0].copy()
+    labels = made(composed, "segmenter=custom", "segmenter._target_=my_methods.halves_of_faces")(vertices, ant[1])
+    assert (vertices == ant[0]).all()
+    far = np.abs(vertices[:, 0]) > np.linalg.norm(np.ptp(vertices[ant[1]], axis=1), axis=1).max()
+    assert (labels[far] == (vertices[far, 0] > 0)).all()
+
+
+def test_a_class_is_made_once_a_process_and_need_not_be_picklable(mine, composed, ant):
+    segmenter = made(composed, "segmenter=custom", "segmenter._target_=my_methods.Parts", "+segmenter.k=3",
+                     "+segmenter.weights=[1,2]")  # fmt: skip
+    assert segmenter.name == "my parts"
+    assert (pickle.loads(pickle.dumps(segmenter))(*ant) == np.arange(486) % 3).all()
+
+
+def test_a_worker_finds_the_method_too(mine, composed, ant):
+    segmenter = made(composed, "segmenter._target_=my_methods.halves")
+    ((_, labels),) = Local(workers=1).run(segmented, [(segmenter, ant)])
+    assert (labels == segmenter(*ant)).all()
+
+
+def segmented(task):
+    segmenter, mesh = task
+    return segmenter(*mesh)
+
+
+def test_an_option_that_the_heat_walk_has_too_must_be_said_to_be_the_methods(mine, composed, ant):
+    for words in (["my_methods.timed"], ["my_methods.halves", "segmenter.time=2"]):
+        with pytest.raises(SegmenterError, match=r"add segmenter=custom, and \+segmenter.time="):
+            made(composed, f"segmenter._target_={words[0]}", *words[1:])
+    words = ["segmenter=custom", "segmenter._target_=my_methods.timed"]
+    assert (made(composed, *words)(*ant) == 5).all()
+    assert (made(composed, *words, "+segmenter.time=1.0")(*ant) == 1).all()
+
+
+def test_other_code_in_the_module_is_another_method(mine, composed):
+    words = ["segmenter._target_=my_methods.halves"]
+    before = made(composed, *words)
+    assert made(composed, *words).identity == before.identity
+    (mine / "my_methods.py").write_text(MINE.replace("np.median", "np.mean"))
+    assert made(composed, *words).identity != before.identity
+
+
+def test_other_code_anywhere_in_the_package_is_another_method(mine, composed):
+    package = mine / "my_package"
+    package.mkdir()
+    (package / "__init__.py").write_text("from my_package.methods import method\n")
+    (package / "methods.py").write_text("from my_package.parts import method\n")
+    (package / "parts.py").write_text("def method(vertices, faces):\n    return [0] * len(vertices)\n")
+    words = ["segmenter._target_=my_package.method"]
+    before = made(composed, *words).identity
+    with (package / "methods.py").open("a") as file:
+        file.write("# changed\n")
+    assert made(composed, *words).identity != before
+
+
+def test_what_a_method_raises_is_raised(mine, composed, ant):
+    with pytest.raises(RuntimeError, match="no legs"):
+        made(composed, "segmenter._target_=my_methods.fails")(*ant)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["segmenter=custom"], "segmenter._target_ is not said: type 'segmenter._target_=my_package.my_method'"),
+        (["segmenter=external"], r"type 'segmenter.command=mytool \{mesh\} \{labels\}'"),
+        (["segmenter._target_=no_such.method"], "No module named 'no_such'"),
+        (["segmenter._target_=my_methods.quarters"], "no attribute 'quarters'"),
+        (["segmenter._target_=my_methods.np"], "is a module and cannot be called"),
+        (["segmenter._target_=my_methods.Uncallable"], "cannot be called with"),
+        (["segmenter._target_=my_methods.halves", "+segmenter.k=5"], r"\(vertices, faces, k=5\): .*'k'"),
+        (["segmenter._target_=my_methods.Parts", "+segmenter.k=0"], "^segmenter.k is 0: give at least 1$"),
+        (["segmenter._target_=my_methods.Parts"], "missing 1 required positional argument: 'k'"),
+        (["segmenter._target_=my_methods.halves", "+segmenter.labels_of=edges"], "labels_of is 'edges'"),
+    ],
+)  # fmt: skip
+def test_what_is_no_method_is_refused_before_anything_runs(overrides, message, mine, composed):
+    with pytest.raises(SegmenterError, match=message):
+        made(composed, *overrides)
