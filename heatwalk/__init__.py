@@ -23,6 +23,7 @@ _HOME = {
     "inspect_mesh": "meshes",
     "read_mesh": "files",
     "segment": "segmentation",
+    "segment_at_times": "segmentation",
 }
 
 __all__ = list(_HOME)

@@ -59,23 +59,26 @@ def stiffness_and_mass(vertices, faces):
     vertex and by 4 instead of 2: it is ``diag(1 / mass) @ stiffness / 6``.
     """
     n = len(vertices)
-    corners = vertices[faces]  # (m, 3, 3)
-    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-    area = 0.5 * np.linalg.norm(np.cross(opposite[:, 0], opposite[:, 1]), axis=1)
-    longest = np.einsum("fij,fij->fi", opposite, opposite).max(axis=1)
-    guarded = np.maximum(area, FLATTEST_TRIANGLE * longest)
-    gram = np.einsum("fix,fjx->fij", opposite, opposite)
+    corners = faces.T.astype(np.int32)  # (3, m): half the size of int64, in the products and in the result
+    # The edge vector opposite each corner, coordinate by coordinate: (3, m) each, edge by corner.
+    opposite = [x[corners[[2, 0, 1]]] - x[corners[[1, 2, 0]]] for x in vertices.T]
+    area = np.zeros(len(faces))
+    for k in range(3):
+        area += (opposite[k - 2][0] * opposite[k - 1][1] - opposite[k - 1][0] * opposite[k - 2][1]) ** 2
+    area = 0.5 * np.sqrt(area)
+    longest = sum(x * x for x in opposite).max(axis=0)
+    quarter = 4 * np.maximum(area, FLATTEST_TRIANGLE * longest)
     # A triangle of three coincident points has no edges and no area: it conducts nothing.
-    local = gram / np.where(guarded > 0, 4 * guarded, 1)[:, None, None]
+    quarter[quarter == 0] = 1
+    coupling = sum(x * x[[1, 2, 0]] for x in opposite) / quarter
+    del opposite
 
-    i, j = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
-    coupling = local[:, [0, 1, 2], [1, 2, 0]].ravel()
-    half = sp.coo_array((coupling, (i, j)), shape=(n, n)).tocsc()
-    off_diagonal = half + half.T
-    off_diagonal.setdiag(0)  # faces with a repeated corner couple a vertex to itself, which is no coupling
-    stiffness = sp.diags_array(-off_diagonal.sum(axis=1)).tocsc() + off_diagonal
-
-    mass = np.bincount(faces.ravel(), weights=np.repeat(area / 3, 3), minlength=n)
+    i, j = corners, corners[[1, 2, 0]]
+    coupling[i == j] = 0  # a face with a repeated corner couples a vertex to itself, which is no coupling
+    half = sp.coo_array((coupling.ravel(), (i.ravel(), j.ravel())), shape=(n, n)).tocsr()
+    off_diagonal = half + half.T.tocsr()
+    stiffness = off_diagonal - sp.diags_array(off_diagonal.sum(axis=1))
+    mass = np.bincount(corners.ravel(), weights=np.tile(area / 3, 3), minlength=n)
     return stiffness.tocsc(), np.maximum(mass, LEAST_MASS * mass.mean())
 
 

@@ -17,7 +17,8 @@ The rows ask in the order of the leaves, each starting from the leaf in which th
 """
 
 import numpy as np
-from numba import njit
+
+from heatwalk.compilation import compiled
 
 # Rows in a leaf. With 8 (more nodes) or 32 (more products), tree and search together take longer.
 LEAF = 16
@@ -41,15 +42,6 @@ ROUNDING = 1e-13
 
 # Columns of ``extent``, after max|d_T1| … max|d_Ta|.
 NORMAL, TAIL, LENGTH = AXES, AXES + 1, AXES + 2
-
-
-def compiled(function):
-    """``function`` compiled by numba when first called, and kept on disk for later processes where that is possible."""
-    options = {"nogil": True, "fastmath": {"reassoc", "contract"}}
-    try:
-        return njit(cache=True, **options)(function)
-    except RuntimeError:  # neither the package's folder nor the user's cache can be written
-        return njit(**options)(function)
 
 
 def largest_inner_products(rows, tie):

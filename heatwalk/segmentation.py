@@ -124,39 +124,74 @@ def segment(vertices, faces, time=1.0, *, time_unit="paper", density="vertices",
 
     Source: Benjamin, Polk, Vishwanathan, Ramani, "Heat Walk: Robust Salient Segmentation of Non-rigid Shapes", 2011.
     """
-    if not 0 < time < np.inf:
-        raise ValueError(f"time must be positive and finite, not {time!r}")
+    options = {"time_unit": time_unit, "density": density, "split_dissipators": split_dissipators}
+    return next(segment_at_times(vertices, faces, [time], **options))
+
+
+def segment_at_times(vertices, faces, times, *, time_unit="paper", density="vertices", split_dissipators=False):
+    """Segment a triangle mesh with the Heat Walk at many times, from one spectrum: that of the shortest.
+
+    Parameters
+    ----------
+    times : sequence of floats, in any order; the other parameters are those of ``segment``
+
+    Returns
+    -------
+    iterator of Segmentation, one a time, in the order of ``times``; the same labels as ``segment`` gives. Each is made
+    when it is asked for; the mesh is checked and its spectrum computed at the call. The ``seconds`` of each count the
+    operator and the spectrum in full, though they are shared.
+
+    Raises
+    ------
+    as ``segment``
+    """
+    times = [float(time) for time in times]
+    for time in times:
+        if not 0 < time < np.inf:
+            raise ValueError(f"time must be positive and finite, not {time!r}")
+    if not times:
+        raise ValueError("times is empty; at least one is needed")
     if time_unit not in TIME_UNITS:
         raise ValueError(f"time_unit must be one of {', '.join(TIME_UNITS)}, not {time_unit!r}")
     if density not in DENSITIES:
         raise ValueError(f"density must be one of {', '.join(DENSITIES)}, not {density!r}")
     vertices, faces = check_mesh(vertices, faces)
 
-    marks = [clock.perf_counter()]
+    start = clock.perf_counter()
     stiffness, mass = stiffness_and_mass(unit_area(vertices, faces), faces)
     component = vertex_components(len(vertices), faces)
-    marks.append(clock.perf_counter())
+    assembled = clock.perf_counter()
 
     solver = SpectrumSolver(stiffness, mass, component)
+    del stiffness
     if time_unit == "fiedler":
-        standard_time = time / solver.fiedler_value()
+        standard_times = [time / solver.fiedler_value() for time in times]
     else:
-        standard_time = time * (PAPER_TIME if time_unit == "paper" else 1.0)
-    spectrum = solver.up_to(largest_eigenvalue(standard_time))
+        standard_times = [time * (PAPER_TIME if time_unit == "paper" else 1.0) for time in times]
+    spectrum = solver.up_to(largest_eigenvalue(min(standard_times)))
+    del solver  # the factors are larger than all that follows
+    shared = {"operator": assembled - start, "spectrum": clock.perf_counter() - assembled}
+    weights = mass if density == "area" else None
+    return (_at_time(faces, spectrum, time, weights, split_dissipators, shared) for time in standard_times)
+
+
+def _at_time(faces, spectrum, standard_time, weights, split_dissipators, shared):
+    """The walk and the dissipators at one time: Segmentation."""
+    marks = [clock.perf_counter()]
     kernel = HeatKernel.from_spectrum(spectrum, standard_time)
     marks.append(clock.perf_counter())
 
     walk = heat_walk(kernel)
     marks.append(clock.perf_counter())
 
-    weights = mass if density == "area" else None
     excess = relative_entropy_excess(kernel, walk.labels, weights)
     labels = np.where(excess > 0, len(walk.exemplars), walk.labels)
     if split_dissipators:
         edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        pieces = vertex_components(len(vertices), edges[(excess[edges] > 0).all(axis=1)])[excess > 0]
+        pieces = vertex_components(len(labels), edges[(excess[edges] > 0).all(axis=1)])[excess > 0]
         labels[excess > 0] += np.unique(pieces, return_inverse=True)[1]
     marks.append(clock.perf_counter())
+    for_kernel, for_walk, for_dissipators = np.diff(marks).tolist()
 
     return Segmentation(
         labels=labels,
@@ -170,7 +205,12 @@ def segment(vertices, faces, time=1.0, *, time_unit="paper", density="vertices",
         time=standard_time / PAPER_TIME,
         standard_time=standard_time,
         fiedler_time=standard_time * spectrum.fiedler_value,
-        seconds=dict(zip(("operator", "spectrum", "walk", "dissipators"), np.diff(marks).tolist(), strict=True)),
+        seconds={
+            "operator": shared["operator"],
+            "spectrum": shared["spectrum"] + for_kernel,
+            "walk": for_walk,
+            "dissipators": for_dissipators,
+        },
         _weights=weights,
     )
 

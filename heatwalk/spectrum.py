@@ -1,14 +1,14 @@
 """The smallest eigenpairs of (stiffness, mass), component by component."""
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
+from scipy.linalg.blas import dgemm, dtrsm
 
-# Shift of the shift-and-invert, in the units of a mesh of area 1. Anything from -1e-3 to -10 gives the same
+# Shift σ of the shift-and-invert, in the units of a mesh of area 1. Anything from -1e-3 to -10 gives the same
 # eigenpairs; a larger one conditions the factorisation better and costs a few more Krylov steps.
 SHIFT = -10.0
 
@@ -17,6 +17,24 @@ LARGEST_RESIDUAL = 1e-8
 
 # Components of at most this many vertices are solved densely: quicker than a factorisation, and complete.
 LARGEST_DENSE = 300
+
+# Columns of the Krylov start block, and so the exact copies of one eigenvalue that its space holds: doubled where a
+# probe finds that it was too few. Flat tori have them by eights, shapes in space by fives at most (the icosahedron's).
+# 19 pairs take 55, 70, 96, 120, 144 vectors with 1, 2, 4, 6, 8 columns, but a wider block shares each pass over the
+# factors and the basis among more of them, so that the time is much the same. The memory is not: hence fewer columns
+# for components of more than ``LARGE`` vertices.
+BLOCK_WIDTH, BLOCK_WIDTH_LARGE, LARGE = 8, 5, 200_000
+
+# An eigenpair (θ, u) of the inverse counts as found when ‖(A - σ)⁻¹ u - θ u‖ is within this of θ …
+FOUND = 1e-12
+# … and the first beyond the limit, which only bounds the others, when it is within this.
+SETTLED = 1e-5
+
+# Where as many eigenvalues θ as the block has columns lie this near one another (relative), there may be more than were
+# found: a Krylov space holds all the copies of an eigenvalue, or as many as its block has columns. Only there does the
+# probe look for others, in this many steps: with 20 pairs it would take up to an eighth of the time.
+CROWDED = 0.1
+PROBE_STEPS = 4
 
 # Eigenvalues this near one another (relative) count as one multiple eigenvalue.
 SAME_EIGENVALUE = 1e-6
@@ -70,17 +88,25 @@ class SpectrumSolver:
     -----
     Each component is solved alone, on the symmetric matrix M^{-1/2} L M^{-1/2}, with its constant vector put in
     exactly and projected out of the iteration. One Krylov iteration over a mesh with many components misses part
-    of its null space and returns rounding noise in its place. The start vector and the eigenvectors' signs are
-    fixed, so that the same mesh gives the same numbers.
+    of its null space and returns rounding noise in its place. The start block is fixed, so that the same mesh
+    gives the same numbers.
     """
 
     def __init__(self, stiffness, mass, component):
         self.mass = mass
         self.component = component
-        symmetric = sp.diags_array(mass**-0.5) @ stiffness.tocsr() @ sp.diags_array(mass**-0.5)
+        scale = sp.diags_array(mass**-0.5)
+        symmetric = (scale @ stiffness @ scale).tocsr()
+        if component.max() == 0:
+            self._parts = [_Component(symmetric, mass, np.arange(len(mass)))]
+            return
         order = np.argsort(component, kind="stable")
         bounds = np.searchsorted(component[order], np.arange(component.max() + 2))
-        self._parts = [_Component(symmetric, mass, order[start:stop]) for start, stop in pairwise(bounds)]
+        symmetric = symmetric[order][:, order]  # block diagonal
+        self._parts = [
+            _Component(_diagonal_block(symmetric, start, stop), mass, order[start:stop])
+            for start, stop in pairwise(bounds)
+        ]
 
     def up_to(self, limit):
         """Every eigenpair with an eigenvalue of at most ``limit``, and the whole of the last one's eigenspace.
@@ -95,12 +121,14 @@ class SpectrumSolver:
             when a pair misses the residual ``LARGEST_RESIDUAL``
         """
         found = [part.up_to(limit) for part in self._parts]
-        width = max(len(values) for values, _, _ in found)
+        width = 1 + max(len(values) for values, _, _ in found)
         eigenvalues = np.full((len(found), width), np.inf)
+        eigenvalues[:, 0] = 0
         eigenvectors = np.zeros((len(self.mass), width))
         for i, (part, (values, vectors, _)) in enumerate(zip(self._parts, found, strict=True)):
-            eigenvalues[i, : len(values)] = values
-            eigenvectors[part.vertices, : len(values)] = vectors
+            eigenvalues[i, 1 : 1 + len(values)] = values
+            eigenvectors[part.vertices, 0] = 1 / np.linalg.norm(part.root_mass)
+            eigenvectors[part.vertices, 1 : 1 + len(values)] = vectors / part.root_mass[:, None]
         residual = max(residual for _, _, residual in found)
         return Spectrum(eigenvalues, eigenvectors, self.component, self.mass, float(limit), residual)
 
@@ -113,92 +141,238 @@ class SpectrumSolver:
 
 
 class _Component:
-    """One connected component: its matrix, its factorisation when first needed, its eigenpairs so far."""
+    """One connected component: its matrix A, its factorisation when first needed, its eigenpairs so far."""
 
-    def __init__(self, symmetric, mass, vertices):
+    def __init__(self, matrix, mass, vertices):
+        self.dense = len(vertices) <= LARGEST_DENSE
+        if not self.dense:
+            # Imported here: numba takes half a second, which `import heatwalk` should not.
+            from heatwalk.cholesky import Cholesky
+            from heatwalk.dissection import nested_dissection
+
+            order, pieces = nested_dissection(matrix)
+            matrix, vertices = matrix[order][:, order], vertices[order]
+            try:
+                self._inverse = Cholesky(matrix - SHIFT * sp.eye_array(len(vertices)), pieces)
+            except scipy.linalg.LinAlgError as error:
+                raise SpectrumError(
+                    f"{_named(vertices)} has no factorisation: its stiffness is not positive semi-definite but for "
+                    "rounding; very flat or very unequal triangles are the usual cause: remesh or clean the mesh"
+                ) from error
+            self.width = BLOCK_WIDTH if len(vertices) <= LARGE else BLOCK_WIDTH_LARGE
+        self.matrix = matrix
         self.vertices = vertices
-        whole = len(vertices) == len(mass)
-        self.matrix = symmetric if whole else symmetric[vertices][:, vertices]
         self.root_mass = np.sqrt(mass[vertices])
-        self.area = mass[vertices].sum()
         self.constant = self.root_mass / np.linalg.norm(self.root_mass)
-        self.values, self.vectors = np.empty(0), np.empty((len(vertices), 0))
-        self._inverse = None
+        self.values, self.vectors, self.reach = np.empty(0), np.empty((len(vertices), 0)), -np.inf
 
     def up_to(self, limit):
-        n_others = len(self.vertices) - 1
-        if n_others < LARGEST_DENSE:
-            if len(self.values) < n_others:
-                self.values, self.vectors = self._dense()
-        else:
-            # Weyl's law for area A: the k-th eigenvalue is about 4πk/A. The rest is margin.
-            wanted = 8 + int(limit * self.area / (4 * np.pi))
-            while len(self.values) < n_others and (not len(self.values) or self.values[-1] <= limit):
-                wanted = min(max(wanted, 3 * len(self.values) // 2), n_others - 1)
-                self.values, self.vectors = self._lanczos(wanted)
-                if wanted == n_others - 1:
-                    self.values, self.vectors = self._dense()
-        count = np.searchsorted(self.values, limit, side="right")
-        while 0 < count < len(self.values) and self.values[count] <= self.values[count - 1] * (1 + SAME_EIGENVALUE):
-            count += 1
+        """Eigenvalues above 0, eigenvectors of A, largest residual."""
+        if limit > self.reach:
+            if self.dense:
+                self.values, self.vectors, self.reach = *self._dense(), np.inf
+            else:
+                while (found := self._krylov(limit)) is None:
+                    self.width *= 2
+                self.values, self.vectors, self.reach = *found, limit
+        count = _complete(self.values, limit)
         values, vectors = self.values[:count], self.vectors[:, :count]
-        residual = self._residual(values, vectors)
-        return (
-            np.concatenate([[0.0], values]),
-            np.column_stack([self.constant, vectors]) / self.root_mass[:, None],
-            residual,
-        )
+        return values, vectors, self._residual(values, vectors)
 
     def _residual(self, values, vectors):
-        # With u = M^{1/2} φ: L φ = M^{1/2} A u and M φ = M^{1/2} u.
-        errors = np.linalg.norm(self.root_mass[:, None] * (self.matrix @ vectors - vectors * values), axis=0)
-        errors /= np.linalg.norm(self.root_mass[:, None] * vectors, axis=0) * np.maximum(values, 1)
-        largest = float(errors.max(initial=0.0))
+        # With u = M^{1/2} φ: L φ = M^{1/2} A u and M φ = M^{1/2} u. One by one, for the memory's sake.
+        largest = 0.0
+        for value, u in zip(values, vectors.T, strict=True):
+            error = np.linalg.norm(self.root_mass * (self.matrix @ u - value * u))
+            largest = max(largest, error / (np.linalg.norm(self.root_mass * u) * max(value, 1.0)))
         if not largest <= LARGEST_RESIDUAL:
             raise SpectrumError(
-                f"the eigenpairs of the component of {len(self.vertices)} vertices around vertex "
-                f"{self.vertices[0]} have a residual of {largest:.1e}, more than {LARGEST_RESIDUAL:.0e}; very flat "
-                "or very unequal triangles are the usual cause: remesh or clean the mesh"
+                f"the eigenpairs of {_named(self.vertices)} have a residual of {largest:.1e}, more than "
+                f"{LARGEST_RESIDUAL:.0e}; very flat or very unequal triangles are the usual cause: remesh or clean "
+                "the mesh"
             )
-        return largest
+        return float(largest)
 
     def _dense(self):
         values, vectors = scipy.linalg.eigh(
             # The constant is moved out of the way, above every other eigenvalue.
             self.matrix.toarray() + 2 * self._norm() * np.outer(self.constant, self.constant)
         )
-        return values[:-1], _fixed_signs(vectors[:, :-1])
+        return values[:-1], vectors[:, :-1]
 
     def _norm(self):
         return max(float(abs(self.matrix).sum(axis=1).max()), 1.0)
 
-    def _lanczos(self, count):
-        n = len(self.vertices)
-        if self._inverse is None:
-            shifted = (self.matrix - SHIFT * sp.eye_array(n)).tocsc()
-            self._inverse = splu(
-                shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-            )
-
-        def without_constant(x):
-            return x - self.constant * (self.constant @ x)
-
-        operator = LinearOperator(
-            (n, n), matvec=lambda x: without_constant(self._inverse.solve(without_constant(x.ravel())))
-        )
-        start = without_constant(np.random.default_rng(0).standard_normal(n))
+    def _krylov(self, limit):
+        """Eigenpairs up to ``limit``; None where the start block had too few columns for all copies of one of them."""
+        rng = np.random.default_rng(0)
+        width = self.width
+        next_look = 0
         try:
-            values, vectors = eigsh(self.matrix, k=count, sigma=SHIFT, OPinv=operator, which="LM", v0=start, tol=0)
-        except ArpackNoConvergence as error:
-            raise SpectrumError(
-                f"only {len(error.eigenvalues)} of {count} eigenpairs of the component of {n} vertices around "
-                f"vertex {self.vertices[0]} converged; remesh or clean the mesh"
-            ) from error
-        order = np.argsort(values)
-        return values[order], _fixed_signs(vectors[:, order])
+            for basis, projected, rest, coupling in _lanczos(self._apply_inverse, self._start(rng, width)):
+                size = len(projected)
+                if 2 * size > len(self.vertices):
+                    return self._dense()
+                if size < next_look:
+                    continue
+                next_look = 1.1 * size
+                theta, mix = (array[..., ::-1] for array in scipy.linalg.eigh(projected))
+                values = 1 / np.maximum(theta, np.finfo(float).tiny) + SHIFT
+                error = np.linalg.norm(coupling @ mix[-width:], axis=0)
+                count = _complete(values, limit)
+                if (
+                    count < size
+                    and (error[:count] <= FOUND * theta[:count]).all()
+                    and error[count] <= SETTLED * theta[count]
+                ):
+                    basis.append(rest)
+                    crowded = theta[: max(count - width + 1, 0)] <= (1 + CROWDED) * theta[width - 1 : count]
+                    largest_allowed = 1 / (limit * (1 + SAME_EIGENVALUE) - SHIFT)
+                    if crowded.any() and self._largest_outside(basis, rng) > largest_allowed:
+                        return None
+                    # The inverse once more on each vector, at no cost: S V y = θ V y + rest · coupling · y_last.
+                    mix, theta = mix[:, :count], theta[:count]
+                    return values[:count], basis.combine(np.vstack([mix, coupling @ mix[-width:] / theta]))
+        except scipy.linalg.LinAlgError:  # nothing is left: the space holds all that it ever will
+            return self._dense()
+
+    def _start(self, rng, width):
+        # Random values of φ: in u = M^{1/2} φ the rows of vertices without mass are tiny and must start so, or
+        # their rounding would spoil the residual.
+        start = (rng.standard_normal((width, len(self.vertices))) * self.root_mass).T
+        start -= np.outer(self.constant, self.constant @ start)
+        return start
+
+    def _largest_outside(self, basis, rng):
+        """Upper estimate of the largest eigenvalue of the inverse on what is orthogonal to ``basis``.
+
+        No start block has a part in all copies of an eigenvalue when these are more than its columns. A new random
+        vector has a part in the copies left over, and in a few steps turns to them: nothing else outside the basis
+        is as large.
+        """
+
+        def outside(block):
+            return basis.take_out(self._apply_inverse(block))[1]
+
+        start = basis.take_out(self._start(rng, 1))[1]
+        *_, (_, projected, _, coupling) = islice(_lanczos(outside, start), PROBE_STEPS)
+        theta, mix = scipy.linalg.eigh(projected)
+        return theta[-1] + abs(coupling[0, 0] * mix[-1, -1])
+
+    def _apply_inverse(self, block):
+        """(A - σ)⁻¹, the constant projected out."""
+        image = self._inverse.solve(block)
+        image -= np.outer(self.constant, self.constant @ image)
+        return image
 
 
-def _fixed_signs(vectors):
-    """Each column times ±1 so that its entry of largest magnitude is positive."""
-    largest = np.abs(vectors).argmax(axis=0)
-    return vectors * np.where(vectors[largest, np.arange(vectors.shape[1])] < 0, -1.0, 1.0)
+def _lanczos(apply, start):
+    """Block Lanczos with full reorthogonalisation, step by step without end; overwrites ``start``.
+
+    Yields
+    ------
+    basis : _Basis of V
+    projected : Vᵀ S V, of the operator S that ``apply`` applies
+    rest, coupling : S V = V ``projected`` + ``rest`` @ ``coupling`` in the last block, with rest the next block
+    """
+    width = start.shape[1]
+    basis = _Basis(_orthonormal(start)[0])
+    projected = np.empty((0, 0))
+    while True:
+        inner, rest, coupling = basis.split(apply(basis.last))
+        projected = np.block([[projected, inner[:-width]], [inner[:-width].T, inner[-width:]]])
+        yield basis, projected, rest, coupling
+        basis.append(rest)
+
+
+class _Basis:
+    """Orthonormal columns that come in blocks; the products with them."""
+
+    def __init__(self, block):
+        self._columns = 4 * block.shape[1]  # that are stored together
+        self._chunks, self._used = [], self._columns
+        self._blocks = []
+        self.append(block)
+
+    def append(self, block):
+        n, width = block.shape
+        if self._used == self._columns:
+            self._chunks.append(np.empty((n, self._columns), order="F"))
+            self._used = 0
+        self._blocks.append(self._chunks[-1][:, self._used : self._used + width])
+        self._blocks[-1][:] = block
+        self._used += width
+
+    @property
+    def last(self):
+        return self._blocks[-1]
+
+    def _filled(self):
+        return [*self._chunks[:-1], self._chunks[-1][:, : self._used]]
+
+    def split(self, block):
+        """``block`` = basis @ inner + rest @ coupling, with rest orthonormal and orthogonal to the basis.
+
+        The image of the last block lies, but for rounding, in the last two blocks and the rest. These are taken out
+        first, so that rounding is small against what then remains, and once over the whole basis is enough.
+        """
+        recent, block = _take_out(self._blocks[-2:], block)
+        inner, block = self.take_out(block)
+        inner[-len(recent) :] += recent
+        return inner, *_orthonormal(block)
+
+    def take_out(self, block):
+        """Coefficients of ``block`` in the basis, and what is left of it; overwrites it."""
+        return _take_out(self._filled(), block)
+
+    def combine(self, mix):
+        """basis @ mix"""
+        result = np.zeros((len(self.last), mix.shape[1]), order="F")
+        start = 0
+        for chunk in self._filled() if mix.size else ():
+            stop = start + chunk.shape[1]
+            result = dgemm(1, chunk, mix[start:stop], 1, result, overwrite_c=True)
+            start = stop
+        return result
+
+
+def _take_out(chunks, block):
+    """Coefficients of ``block`` in the orthonormal columns of ``chunks``, and what is left of it; overwrites it."""
+    coefficients = []
+    for chunk in chunks:
+        coefficients.append(dgemm(1, chunk, block, trans_a=True))
+        block = dgemm(-1, chunk, coefficients[-1], 1, block, overwrite_c=True)
+    return np.concatenate(coefficients), block
+
+
+def _orthonormal(block):
+    """``block`` = q @ r with orthonormal q; overwrites it. LinAlgError where its columns depend on one another.
+
+    By Cholesky's r, twice over, for its speed and because it keeps each row's own precision: Householder's q would
+    carry rounding from large rows to the tiny ones of vertices without mass, and spoil the residual there.
+    """
+    r = np.eye(block.shape[1])
+    for _ in range(2):
+        triangle = scipy.linalg.cholesky(dgemm(1, block, block, trans_a=True))
+        block = dtrsm(1, triangle, block, side=1, overwrite_b=True)
+        r = triangle @ r
+    return block, r
+
+
+def _named(vertices):
+    return f"the component of {len(vertices)} vertices around vertex {vertices.min()}"
+
+
+def _complete(values, limit):
+    """How many of the ascending ``values`` are up to ``limit`` or copies of the last that is."""
+    count = int(np.searchsorted(values, limit, side="right"))
+    while 0 < count < len(values) and values[count] <= values[count - 1] * (1 + SAME_EIGENVALUE):
+        count += 1
+    return count
+
+
+def _diagonal_block(matrix, start, stop):
+    """Rows and columns start … stop of a block-diagonal CSR array."""
+    first, last = matrix.indptr[start], matrix.indptr[stop]
+    parts = matrix.data[first:last], matrix.indices[first:last] - start, matrix.indptr[start : stop + 1] - first
+    return sp.csr_array(parts, shape=(stop - start,) * 2)

@@ -10,10 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+import heatwalk
 from heatwalk.accumulators import TIE, blocked_maximum_inner_products, maximum_inner_products
+from heatwalk.compilation import compiled
 from heatwalk.kernel import HeatKernel, largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
-from heatwalk.search import LEAF, compiled, largest_inner_products
+from heatwalk.search import LEAF, largest_inner_products
 from heatwalk.spectrum import SpectrumSolver
 from tests.meshes import bundled
 
@@ -135,15 +137,20 @@ def in_a_new_process(code):
 
 
 def test_a_second_process_compiles_nothing():
-    largest_inner_products(np.eye(40), TIE)
+    mesh = trimesh.creation.icosphere(3)
+    heatwalk.segment(mesh.vertices, mesh.faces)
     code = (
-        "import numpy as np\n"
-        "from heatwalk import search\n"
-        "search.largest_inner_products(np.eye(40), 1e-10)\n"
-        "for f in (search._split, search._measure, search._search):\n"
+        "import heatwalk, trimesh\n"
+        "mesh = trimesh.creation.icosphere(3)\n"
+        "heatwalk.segment(mesh.vertices, mesh.faces)\n"
+        "from heatwalk import cholesky, dissection, search\n"
+        "for f in (\n"
+        "    dissection._nested_dissection, cholesky._rows_of_panels, cholesky._factorise, cholesky._substitute,\n"
+        "    search._split, search._measure, search._search,\n"
+        "):\n"
         "    print(sum(f.stats.cache_misses.values()), sum(f.stats.cache_hits.values()))\n"
     )
-    assert in_a_new_process(code) == ["0", "1"] * 3
+    assert in_a_new_process(code) == ["0", "1"] * 7
 
 
 def test_a_package_and_home_that_cannot_be_written_do_without_the_cache(monkeypatch):
@@ -152,5 +159,5 @@ def test_a_package_and_home_that_cannot_be_written_do_without_the_cache(monkeypa
             raise RuntimeError(f"cannot cache function {function.__name__!r}: no locator available")
         return function
 
-    monkeypatch.setattr("heatwalk.search.njit", lambda **options: lambda function: nowhere(function, **options))
+    monkeypatch.setattr("heatwalk.compilation.njit", lambda **options: lambda function: nowhere(function, **options))
     assert compiled(len) is len

@@ -2,11 +2,19 @@ import tracemalloc
 
 import numpy as np
 import pytest
+import scipy.linalg
+import scipy.sparse as sp
 import trimesh
+from scipy.sparse.linalg import eigsh
 from scipy.spatial.transform import Rotation
 
 import heatwalk
+from heatwalk.accumulators import heat_walk
+from heatwalk.dissipators import relative_entropy_excess
+from heatwalk.kernel import HeatKernel, largest_eigenvalue
+from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
 from heatwalk.segmentation import faces_from_vertices
+from heatwalk.spectrum import Spectrum
 from tests.meshes import bundled
 
 REAL = ["ant", "cow", "bunny", "airplane"]
@@ -126,6 +134,62 @@ def test_faces_take_the_label_two_corners_agree_on_else_the_first_corners():
     labels = np.array([0, 1, 2, 1])
     faces = np.array([[0, 1, 3], [1, 0, 3], [1, 3, 0], [0, 1, 2], [2, 1, 0], [0, 0, 1]])
     assert faces_from_vertices(labels, faces).tolist() == [1, 1, 1, 0, 2, 0]
+
+
+# 12 and 40 need fewer eigenvalues than .13: their kernels use the front of a spectrum that reaches far beyond them.
+@pytest.mark.parametrize(("name", "unit"), [("ant", "fiedler"), ("cow", "paper"), ("airplane", "paper")])
+def test_many_times_from_one_spectrum_are_those_from_a_spectrum_each(name, unit):
+    mesh = bundled(name)
+    times = [1.0, 0.13, 12, 0.4, 40, 3]
+    together = list(heatwalk.segment_at_times(mesh.vertices, mesh.faces, times, time_unit=unit))
+    assert len({id(seg.spectrum) for seg in together}) == 1
+    for time, seg in zip(times, together, strict=True):
+        alone = segmented(mesh, time=time, time_unit=unit)
+        assert seg.time == pytest.approx(alone.time)
+        assert np.array_equal(seg.labels, alone.labels)
+        assert np.array_equal(seg.face_labels, alone.face_labels)
+        assert np.array_equal(seg.exemplars, alone.exemplars)
+        np.testing.assert_allclose(seg.relative_entropy_excess, alone.relative_entropy_excess, rtol=0, atol=1e-8)
+
+
+def test_no_times_at_all_are_refused():
+    with pytest.raises(ValueError, match="times is empty"):
+        heatwalk.segment_at_times(bundled("ant").vertices, bundled("ant").faces, [])
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_the_labels_from_scipys_eigsh_are_the_same(name):
+    """Both eigensolvers lead to the same labels; SciPy's is given each component's own matrix, as it should be."""
+    mesh = bundled(name)
+    seg = segmented(mesh)
+    spectrum = eigsh_spectrum(mesh, largest_eigenvalue(seg.standard_time))
+    kernel = HeatKernel.from_spectrum(spectrum, seg.standard_time)
+    walk = heat_walk(kernel)
+    assert np.array_equal(walk.exemplars, seg.exemplars)
+    assert np.array_equal(walk.labels, seg.accumulator_labels)
+    assert np.array_equal(relative_entropy_excess(kernel, walk.labels) > 0, seg.dissipates)
+
+
+def eigsh_spectrum(mesh, limit):
+    stiffness, mass = stiffness_and_mass(unit_area(mesh.vertices, mesh.faces), mesh.faces)
+    component = vertex_components(len(mass), mesh.faces)
+    pairs = []
+    for c in range(component.max() + 1):
+        members = np.flatnonzero(component == c)
+        own = stiffness[members][:, members], sp.diags_array(mass[members]).tocsc()
+        if len(members) < 200:
+            values, vectors = scipy.linalg.eigh(*(matrix.toarray() for matrix in own))
+        else:
+            values, vectors = eigsh(own[0], 50, own[1], sigma=-0.1, v0=np.ones(len(members)))
+        order = np.argsort(values)
+        assert values[order[-1]] > limit
+        pairs.append((members, values[order], vectors[:, order]))
+    width = max(len(values) for _, values, _ in pairs)
+    eigenvalues, eigenvectors = np.full((len(pairs), width), np.inf), np.zeros((len(mass), width))
+    for c, (members, values, vectors) in enumerate(pairs):
+        eigenvalues[c, : len(values)] = values
+        eigenvectors[members, : len(values)] = vectors
+    return Spectrum(eigenvalues, eigenvectors, component, mass, limit, 0.0)
 
 
 @pytest.mark.parametrize("time", [0, -1, np.nan, np.inf])

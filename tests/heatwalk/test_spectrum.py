@@ -3,8 +3,10 @@ import pytest
 import scipy.linalg
 import scipy.sparse as sp
 import trimesh
+from scipy.sparse.linalg import eigsh
 
 from heatwalk import spectrum as spectrum_module
+from heatwalk.kernel import largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
 from heatwalk.spectrum import SpectrumError, SpectrumSolver
 from tests.meshes import bundled
@@ -148,3 +150,76 @@ def test_a_missed_residual_is_an_error(monkeypatch):
 def test_fiedler_value_of_the_unit_area_sphere_is_eight_pi():
     mesh = trimesh.creation.icosphere(5)
     assert solver(mesh.vertices, mesh.faces).fiedler_value() == pytest.approx(8 * np.pi, rel=2e-3)
+
+
+@pytest.mark.parametrize("time", [0.13, 1.0, 12.0])
+def test_arpack_finds_the_same_eigenpairs(time):
+    """An independent solver, at times that need about 150, 20 and 3 pairs: equal eigenvalues, equal kernels."""
+    mesh = bundled("cow")
+    points = unit_area(mesh.vertices, mesh.faces)
+    stiffness, mass = stiffness_and_mass(points, mesh.faces)
+    component = vertex_components(len(points), mesh.faces)
+    found = SpectrumSolver(stiffness, mass, component).up_to(largest_eigenvalue(time / 6))
+    assert component.max() == 0
+    count = found.eigenvalues.shape[1]
+    values, vectors = eigsh(stiffness, count, sp.diags_array(mass).tocsc(), sigma=-10.0, v0=np.ones(len(mass)), tol=0)
+    order = np.argsort(values)
+    values, vectors = values[order], vectors[:, order]
+    np.testing.assert_allclose(found.eigenvalues[0, 1:], values[1:], rtol=1e-9)
+    rows = slice(0, None, 50)
+    decay = np.exp(-values * time / 6)
+    expected = (vectors[rows] * decay) @ vectors.T
+    kernel = (found.eigenvectors[rows] * np.exp(-found.eigenvalues[0] * time / 6)) @ found.eigenvectors.T
+    np.testing.assert_allclose(kernel, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_no_copy_of_a_multiple_eigenvalue_is_missed_at_any_limit():
+    mesh = trimesh.creation.icosphere(3)
+    stiffness, mass = stiffness_and_mass(unit_area(mesh.vertices, mesh.faces), mesh.faces)
+    every = scipy.linalg.eigh(stiffness.toarray(), np.diag(mass), eigvals_only=True)
+    for last in range(2, 60, 4):
+        limit = every[last] * (1 + 1e-5)
+        once = SpectrumSolver(stiffness, mass, np.zeros(len(mass), dtype=int))
+        assert once.up_to(limit).eigenvalues.shape[1] == np.searchsorted(every, limit), f"up to eigenvalue {last}"
+
+
+def test_thousands_of_specks_are_solved_each_by_itself():
+    speck = trimesh.creation.icosahedron()
+    n, count = len(speck.vertices), 2000
+    shift = np.arange(count)
+    vertices = (speck.vertices + 3 * shift[:, None, None] * [1, 0, 0]).reshape(-1, 3)
+    faces = (speck.faces + n * shift[:, None, None]).reshape(-1, 3)
+    once = solver(vertices, faces)
+    found = once.up_to(40 * count)
+    alone = solver(speck.vertices, speck.faces).up_to(40).eigenvalues[0]
+    np.testing.assert_allclose(found.eigenvalues, np.tile(alone * count, (count, 1)), rtol=1e-9, atol=1e-6)
+
+
+def copies_of_a_sphere(count, refinements):
+    """Stiffness and mass of ``count`` equal disjoint spheres, and every eigenvalue of the whole, by a dense solver."""
+    mesh = trimesh.creation.icosphere(refinements)
+    stiffness, mass = stiffness_and_mass(unit_area(mesh.vertices, mesh.faces), mesh.faces)
+    one = scipy.linalg.eigh(stiffness.toarray(), np.diag(mass), eigvals_only=True)
+    return sp.block_diag([stiffness] * count).tocsc(), np.tile(mass, count), np.sort(np.tile(one, count))
+
+
+@pytest.mark.parametrize(("count", "refinements", "limit"), [(9, 3, 30), (12, 2, 20), (12, 2, 30), (40, 2, 20)])
+def test_more_copies_of_an_eigenvalue_than_the_block_has_columns_are_all_found(count, refinements, limit):
+    # Handed in as one component, so that 0 has ``count`` copies, and the first triple eigenvalue three times as many.
+    stiffness, mass, every = copies_of_a_sphere(count, refinements)
+    found = SpectrumSolver(stiffness, mass, np.zeros(len(mass), dtype=int)).up_to(limit).eigenvalues[0]
+    np.testing.assert_allclose(found, every[every <= limit], rtol=1e-9, atol=1e-9)
+
+
+def test_it_is_the_probe_that_finds_what_the_block_has_too_few_columns_for(monkeypatch):
+    stiffness, mass, every = copies_of_a_sphere(12, 2)
+    monkeypatch.setattr(spectrum_module, "CROWDED", -1)  # nothing is ever that near
+    unprobed = SpectrumSolver(stiffness, mass, np.zeros(len(mass), dtype=int)).up_to(20).eigenvalues[0]
+    assert len(unprobed) == 1 + spectrum_module.BLOCK_WIDTH < np.searchsorted(every, 20)
+
+
+def test_a_matrix_that_is_not_semi_definite_is_an_error():
+    mesh = bundled("bunny")
+    stiffness, mass = stiffness_and_mass(unit_area(mesh.vertices, mesh.faces), mesh.faces)
+    with pytest.raises(SpectrumError, match=r"no factorisation: .* remesh or clean"):
+        SpectrumSolver(-stiffness, mass, np.zeros(len(mass), dtype=int))
