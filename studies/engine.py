@@ -1,14 +1,31 @@
-"""Where trials run. A trial does not know: ``engine.run(function, tasks)`` gives (task, outcome) as they finish."""
+"""Where trials run. A trial does not know: ``engine.run(function, tasks)`` gives (task, outcome) as they finish.
+
+``engine.active()`` gives the tasks that are being worked on, to whichever thread asks. `studies.cluster` has the engine
+for other machines.
+
+What a task needs travels with it, its mesh too: a worker may not see the files that the head process sees. Tasks are
+taken a few at a time, so that an iterator that makes them (and reads their meshes) on demand holds few of them.
+"""
 
 import concurrent.futures
+import contextlib
+import ctypes
 import multiprocessing
 import os
+import pickle
+import re
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 
+import numpy as np
 import pebble
+import psutil
+
+_LOOK = 0.25  # seconds between two looks at the memory of the workers; one takes some 5 ms
+_SLOTS = 1 << 15  # for the processes at work, by their id; two workers with one slot are as unlikely as harmless
 
 
 @dataclass(frozen=True)
@@ -27,10 +44,18 @@ class LostError(RuntimeError):
 class Serial:
     """One task after the other, in this process."""
 
+    _at_work: list = field(default_factory=list, init=False, repr=False, compare=False)
+
     def run(self, function: Callable, tasks: Iterable) -> Iterator[tuple]:
         """(task, function(task)) for every task, in order."""
         for task in tasks:
-            yield task, function(task)
+            self._at_work[:] = [task]
+            outcome = function(task)
+            self._at_work.clear()
+            yield task, outcome
+
+    def active(self) -> list:
+        return list(self._at_work)
 
 
 @dataclass(frozen=True)
@@ -39,57 +64,184 @@ class Local:
 
     workers : how many processes; None for one a processor
     timeout : seconds that one task may take; None for no limit
+    memory : what a worker and the programs that it runs may hold, in bytes or as in "2 GB"; None for no limit
     """
 
     workers: int | None = None
     timeout: float | None = None
+    memory: int | str | None = None
+    _pending: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self):
         if self.workers is not None and not (isinstance(self.workers, int) and self.workers >= 1):
             raise ValueError(f"engine.workers is {self.workers!r}: give a whole number of at least 1, or null")
-        if self.timeout is not None and not self.timeout > 0:
-            raise ValueError(f"engine.timeout is {self.timeout!r}: give a number of seconds above 0, or null")
+        check_limits(self.timeout, self.memory)
 
     def run(self, function: Callable, tasks: Iterable) -> Iterator[tuple]:
         """(task, function(task) or Lost) for every task, as they finish."""
         workers = self.workers or len(os.sched_getaffinity(0))
         tasks = iter(tasks)
-        pool = pebble.ProcessPool(
-            max_workers=workers,
-            # Not fork: a forked child inherits locks that the parent's threads hold, and native libraries' state.
-            context=multiprocessing.get_context("spawn"),
-            initializer=_prepare_worker,
-        )
+        processes = Processes(workers, self.timeout, self.memory)
         try:
-            pending = {}
             while True:
                 # A few tasks ahead of the workers, not all of them: a plan may hold a hundred thousand.
-                for task in islice(tasks, 2 * workers - len(pending)):
-                    pending[pool.schedule(function, args=[task], timeout=self.timeout)] = task
-                if not pending:
+                for task in islice(tasks, 2 * workers - len(self._pending)):
+                    self._pending[processes.submit(pickle.dumps((function, task)))] = task
+                if not self._pending:
                     break
-                finished, _ = concurrent.futures.wait(pending, return_when=concurrent.futures.FIRST_COMPLETED)
+                finished, _ = concurrent.futures.wait(self._pending, return_when=concurrent.futures.FIRST_COMPLETED)
                 for future in finished:
-                    yield pending.pop(future), self._outcome(future)
+                    yield self._pending.pop(future), processes.outcome(future)
         finally:
-            pool.stop()
-            pool.join()
+            self._pending.clear()
+            processes.close()
 
-    def _outcome(self, future):
+    def active(self) -> list:
+        return [task for future, task in list(self._pending.items()) if future.running()]
+
+
+class Processes:
+    """Worker processes, each with one BLAS thread; what happens in one of them happens to its task only.
+
+    A worker is replaced when it dies, and killed when its task takes longer than `timeout` seconds, or when it and the
+    programs that it runs hold more than `memory` (see `Local`).
+    """
+
+    def __init__(self, workers, timeout=None, memory=None):
+        self._timeout = timeout
+        self._memory = memory
+        # Not fork: a forked child inherits locks that the parent's threads hold, and native libraries' state.
+        context = multiprocessing.get_context("spawn")
+        busy = context.RawArray(ctypes.c_int64, _SLOTS)
+        self._pool = pebble.ProcessPool(
+            max_workers=workers, context=context, initializer=_prepare_worker, initargs=[busy]
+        )
+        self._too_large = set()  # ids of the processes that were killed for their memory
+        self._closed = threading.Event()
+        self._watcher = threading.Thread(target=self._watch, args=[np.frombuffer(busy, np.int64)], daemon=True)
+        if memory is not None:
+            self._watcher.start()
+
+    def submit(self, packed):
+        """Have the pickle of (function, task) worked on: a future for `outcome`."""
+        return self._pool.schedule(_work, args=[packed], timeout=self._timeout)
+
+    def outcome(self, future):
+        """What the function returned, or Lost; waits for it."""
         try:
             return future.result()
         except TimeoutError:
-            return Lost("timeout", f"took longer than engine.timeout={self.timeout:g} seconds")
+            return Lost("timeout", f"took longer than engine.timeout={self._timeout:g} seconds")
         except pebble.ProcessExpired as error:
-            return Lost("crashed", f"its process died with exit code {error.exitcode}")
+            if error.pid not in self._too_large:
+                return Lost("crashed", f"its process died with exit code {error.exitcode}")
+            self._too_large.remove(error.pid)
+            return Lost("crashed", f"out of memory: it held more than engine.memory={self._memory}")
+
+    def close(self):
+        self._closed.set()
+        if self._watcher.is_alive():
+            self._watcher.join()
+        self._pool.stop()
+        self._pool.join()
+
+    def _watch(self, busy):
+        """Kill the workers that hold too much.
+
+        From outside, because a worker that fills its memory in native code runs no thread of its own; by what is
+        resident, because native libraries reserve far more than they use; and only a worker that is at work on a task,
+        because one that takes or returns a task holds a lock, which would stay locked.
+        """
+        limit = parse_bytes(self._memory)
+        orphans = []
+        closed = False
+        while orphans or not closed:
+            closed = self._closed.wait(_LOOK)
+            for process in orphans:  # those of the last look, unless they ended by themselves
+                with contextlib.suppress(psutil.Error):
+                    process.kill()
+            orphans = []
+            for pid, family in _families(busy[busy != 0].tolist()).items():
+                if _resident(family) > limit and busy[pid % _SLOTS] == pid:
+                    busy[pid % _SLOTS] = 0
+                    self._too_large.add(pid)
+                    os.kill(pid, signal.SIGKILL)
+                    orphans += family[1:]
 
 
-def _prepare_worker():
-    """One thread a worker, and Ctrl-C left to the head process."""
+def check_limits(timeout, memory):
+    """Raise ValueError for limits of an engine that are none."""
+    if timeout is not None and not timeout > 0:
+        raise ValueError(f"engine.timeout is {timeout!r}: give a number of seconds above 0, or null")
+    if memory is not None:
+        parse_bytes(memory)
+
+
+def parse_bytes(memory):
+    """2000000000 or "2 GB" or "1.9GiB" as a number of bytes."""
+    parts = re.fullmatch(r"\s*([0-9.]+)\s*(?:([kmgt]?)(i?)b)?\s*", str(memory).lower())
+    try:
+        size = float(parts[1]) * (1024 if parts[3] else 1000) ** " kmgt".index(parts[2] or " ")
+    except (TypeError, ValueError):  # no match, or no number
+        size = 0
+    if size < 1:
+        raise ValueError(f"engine.memory is {memory!r}: give bytes, or as in '2 GB', or null")
+    return int(size)
+
+
+def _families(pids):
+    """Those of these processes that are children of this one, each with its descendants behind it: lists, by id.
+
+    The others died, and other processes may have their numbers.
+    """
+    families, family_of = {}, {}
+    for process in psutil.Process().children(recursive=True):  # parents first
+        with contextlib.suppress(psutil.Error):  # one that ended meanwhile
+            pid = process.pid if process.pid in pids else family_of.get(process.ppid())
+            if pid is not None:
+                family_of[process.pid] = pid
+                families.setdefault(pid, []).append(process)
+    return families
+
+
+def _resident(processes):
+    """Bytes of memory that processes hold together."""
+    held = 0
+    for process in processes:
+        with contextlib.suppress(psutil.Error):
+            held += process.memory_info().rss
+    return held
+
+
+# In the worker: the slots of those that are at work, shared with the head process.
+_busy = None
+
+
+def _work(packed):
+    pid = os.getpid()
+    _busy[pid % _SLOTS] = pid
+    try:
+        function, task = pickle.loads(packed)
+        return function(task)
+    finally:
+        _busy[pid % _SLOTS] = 0
+
+
+def _prepare_worker(busy):
+    """One thread a worker, Ctrl-C left to the head process, and an end with it."""
+    global _busy
+    _busy = busy
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_head, daemon=True).start()
     # Libraries loaded from here on read the variables; those loaded already are told by threadpoolctl.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ[variable] = "1"
     import threadpoolctl
 
     threadpoolctl.threadpool_limits(1)
+
+
+def _end_with_head():
+    """Or a worker that hangs would outlive a head process that was killed."""
+    multiprocessing.parent_process().join()
+    os.kill(os.getpid(), signal.SIGKILL)

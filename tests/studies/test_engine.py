@@ -1,11 +1,15 @@
 import os
+import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
+import psutil
 import pytest
 from threadpoolctl import threadpool_info
 
-from studies.engine import Local, Lost, Serial
+from studies.engine import Local, Lost, Serial, parse_bytes
 
 
 def square(x):
@@ -24,6 +28,18 @@ def hang_at_three(x):
     return x
 
 
+def fill_memory(x):
+    if x == "by and by":
+        held = [np.ones(2**21) for _ in range(300)]
+        return len(held)
+    if x == "in one call":
+        return len(b"x" * 2**32)  # bytes are filled without giving another thread a turn
+    if x[0] == "/":
+        code = f"import os; open({x!r}, 'w').write(str(os.getpid()))\nheld = [b'x' * 2**24 for _ in range(200)]"
+        subprocess.run([sys.executable, "-c", code], check=True, timeout=30)
+    return x
+
+
 def blas_threads(_):
     np.ones((400, 400)) @ np.ones((400, 400))
     return max(pool["num_threads"] for pool in threadpool_info())
@@ -34,9 +50,17 @@ def process(_):
     return os.getpid()
 
 
+class UnreadableHere:
+    """A task that cannot be unpickled where it should be worked on."""
+
+    def __reduce__(self):
+        return __import__, ("a_module_that_only_the_head_process_has",)
+
+
 @pytest.mark.parametrize("engine", [Serial(), Local(workers=1), Local(workers=2)])
 def test_every_task_gets_its_own_outcome(engine):
     assert dict(engine.run(square, range(20))) == {x: x * x for x in range(20)}
+    assert engine.active() == []
 
 
 def test_work_is_spread_over_the_workers():
@@ -64,6 +88,67 @@ def test_a_worker_that_hangs_costs_its_own_task_only():
     assert outcomes == {x: x for x in range(8) if x != 3}
 
 
+def test_a_task_that_takes_all_memory_costs_itself_only_and_ends_with_what_it_started(tmp_path):
+    program = tmp_path / "program"
+    large, small = ["by and by", "in one call", str(program)], ["a", "b", "c"]
+    outcomes = dict(Local(workers=2, timeout=60, memory="700 MB").run(fill_memory, [*large, *small]))
+    too_large = Lost("crashed", "out of memory: it held more than engine.memory=700 MB")
+    assert outcomes == dict.fromkeys(large, too_large) | {x: x for x in small}
+    wait_for(lambda: not psutil.pid_exists(int(program.read_text())))
+
+
+def test_a_task_that_cannot_be_read_is_an_error_and_not_a_study_that_waits_for_ever():
+    with pytest.raises(ModuleNotFoundError, match="a_module_that_only_the_head_process_has"):
+        list(Local(workers=1, timeout=60).run(square, [UnreadableHere()]))
+
+
+def test_a_task_may_hold_a_large_mesh():
+    vertices = np.arange(3_000_000.0).reshape(-1, 3)
+    (((task, _), total),) = Local(workers=1).run(add_up, [(vertices, "a name")])
+    assert task is vertices
+    assert total == vertices.sum()
+
+
+def add_up(task):
+    return task[0].sum()
+
+
+@pytest.mark.parametrize("engine", [Serial(), Local(workers=2)])
+def test_it_says_which_tasks_are_at_work(engine):
+    seen = set()
+    for x, _ in engine.run(process if isinstance(engine, Local) else lambda x: seen.update(engine.active()), range(6)):
+        seen.update(engine.active())
+        assert len(engine.active()) <= 2
+        assert x not in engine.active()
+    assert len(seen) >= 4
+
+
+def test_a_worker_that_hangs_ends_with_a_head_process_that_is_killed(tmp_path):
+    code = (
+        "from studies.engine import Local; from tests.studies.test_engine import note_and_hang;"
+        f"list(Local(workers=2).run(note_and_hang, [{str(tmp_path)!r}] * 2))"
+    )
+    head = subprocess.Popen(
+        [sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, stderr=-3
+    )
+    wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
+    head.send_signal(signal.SIGKILL)
+    head.wait()
+    wait_for(lambda: not any(psutil.pid_exists(int(path.name)) for path in tmp_path.iterdir()))
+
+
+def note_and_hang(folder):
+    open(os.path.join(folder, str(os.getpid())), "w").close()
+    time.sleep(600)
+
+
+def wait_for(condition, seconds=30):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
 def test_tasks_are_taken_a_few_at_a_time():
     taken = []
 
@@ -79,8 +164,23 @@ def test_tasks_are_taken_a_few_at_a_time():
 
 
 @pytest.mark.parametrize(
+    ("memory", "size"),
+    [(1500, 1500), ("1500", 1500), ("2GB", 2 * 10**9), ("1.5 MB", 1_500_000), ("4 GiB", 2**32), ("1kb", 1000)],
+)
+def test_memory_is_bytes_or_a_number_with_its_unit(memory, size):
+    assert parse_bytes(memory) == size
+
+
+@pytest.mark.parametrize(
     ("options", "message"),
-    [({"workers": 0}, "engine.workers is 0"), ({"workers": 1.5}, "engine.workers is 1.5"), ({"timeout": -1}, "is -1")],
+    [
+        ({"workers": 0}, "engine.workers is 0"),
+        ({"workers": 1.5}, "engine.workers is 1.5"),
+        ({"timeout": -1}, "is -1"),
+        ({"memory": "much"}, "engine.memory is 'much'"),
+        ({"memory": "1.2.3 GB"}, "engine.memory is '1.2.3 GB'"),
+        ({"memory": 0}, "engine.memory is 0"),
+    ],
 )
 def test_options_that_make_no_sense_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
