@@ -9,6 +9,7 @@ from perturb.geometry import MissingParts, Scaling
 from perturb.noise import NormalNoise, ShotNoise
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed, get, names
 from perturb.sampling import Decimation
+from perturb.tessellation import Tessellation
 from perturb.topology import Holes, ShortCircuits
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "Scaling",
     "ShortCircuits",
     "ShotNoise",
+    "Tessellation",
     "get",
     "names",
 ]
