@@ -71,6 +71,10 @@ class Trial(ABC):
     shares: str
     trial_id: str
 
+    def known(self):
+        """The experiment's own columns that are known before the trial is run: a dict."""
+        return {}
+
     @abstractmethod
     def prepare(self):
         """What this trial needs and others share, such as the segmentation of the original."""
@@ -103,6 +107,7 @@ def empty_row(trial):
         "repeat": trial.repeat,
         "seed": trial.seed,
         "trial_id": trial.trial_id,
+        **trial.known(),
     }
 
 

@@ -121,7 +121,8 @@ class PSB(Dataset):
         models: Sequence[int | str] | None = None,
     ):
         self._root = Path(root).expanduser().absolute() if root else None
-        self._categories = wanted("categories", NON_RIGID if categories == "non_rigid" else categories)
+        self._non_rigid = categories == "non_rigid"
+        self._categories = None if self._non_rigid else wanted("categories", categories)
         self._names = wanted("models", models)
 
     def models(self) -> list[Model]:
@@ -129,6 +130,8 @@ class PSB(Dataset):
         files = {file.name for file in (folder(root, data) / "off").iterdir()}
         there = {name: category for name, category in _CATEGORY_OF.items() if f"{name}.off" in files}
         chosen = there
+        if self._non_rigid:
+            chosen = {name: category for name, category in there.items() if category in NON_RIGID}
         if self._categories is not None:
             categories = {_category(name) for name in self._categories}
             check_there("categories", categories, set(there.values()), ", ".join(dict.fromkeys(there.values())), root)

@@ -41,6 +41,9 @@ class PoseTrial(Trial):
     poses: tuple[Model, ...]
     segmenter: Segmenter
 
+    def known(self):
+        return {"other": self.other.name}
+
     def prepare(self):
         """Every pose of the shape: dict, name -> Pose, or the reason why there is none."""
         found = {}
@@ -66,7 +69,6 @@ class PoseTrial(Trial):
             if isinstance(pose, str):
                 raise ValueError(f"pose {model.name}: {pose}")
         return {
-            "other": self.other.name,
             "n_vertices": a.n_vertices,
             "n_faces": a.n_faces,
             "n_vertices_perturbed": b.n_vertices,

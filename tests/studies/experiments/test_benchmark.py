@@ -1,0 +1,83 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+import heatwalk
+from heatwalk.files import read_mesh, read_seg
+from studies.experiments import Benchmark
+from studies.metrics import psb
+from studies.plan import plan
+from tests.meshes import DATA
+
+
+@pytest.fixture
+def planned(composed, psb_zip):
+    return plan(composed("+study=table1", f"dataset.root={psb_zip}", "dataset.models=[50,209]"))
+
+
+def people(root, model):
+    """People's segmentations, read from the benchmark's files themselves."""
+    folder = root / "data" / "seg" / "Benchmark" / model
+    return {path.name: read_seg(path) for path in folder.glob("*.seg")}
+
+
+def test_the_row_of_a_method_is_its_mean_over_people(planned, run_trials, psb_root):
+    rows = run_trials(planned, Benchmark.columns).set_index(["model", "segmenter"])
+    mesh = read_mesh(psb_root / "data" / "off" / "50.off")
+    ours = heatwalk.segment(mesh.vertices, mesh.faces).face_labels
+    against = pd.DataFrame(psb.evaluate(mesh, ours, labels) for labels in people(psb_root, "50").values())
+    row = rows.loc[("50", "HeatWalk")]
+    assert row["n_people"] == len(against)
+    for metric in against:
+        assert row[metric] == pytest.approx(against[metric].mean(), rel=1e-12), metric
+
+
+def test_the_row_of_people_is_the_mean_over_all_that_differ(planned, run_trials, psb_root):
+    row = run_trials([t for t in planned if t.model.name == "209"], Benchmark.columns).set_index("segmenter")
+    mesh = read_mesh(psb_root / "data" / "off" / "209.off")
+    labels = people(psb_root, "209")
+    ordered = pd.DataFrame(psb.evaluate(mesh, labels[a], labels[b]) for a in labels for b in labels if a != b)
+    for metric in ("cut_discrepancy", "rand_index_error", "hamming", "gce", "lce"):
+        assert row.loc["Humans", metric] == pytest.approx(ordered[metric].mean(), rel=1e-9), metric
+
+
+def test_the_table_has_our_rows_beside_the_papers_eight(composed, planned, run_trials):
+    rows = run_trials(planned, Benchmark.columns)
+    cfg = composed("+study=table1")
+    table = Benchmark().tables(rows, cfg)["table"].set_index(["source", "method"])
+    for method in ("HeatWalk", "Humans"):
+        for metric in ("cut_discrepancy", "rand_index_error", "hamming", "gce", "lce"):
+            mean = rows.loc[rows["segmenter"] == method, metric].mean()
+            assert table.loc[("computed", method), metric] == pytest.approx(mean)
+            assert table.loc[("computed", method), f"{metric}_low"] <= mean
+            assert table.loc[("computed", method), f"{metric}_high"] >= mean
+    path = DATA.parent / "paper" / "table1.csv"
+    if not path.exists():
+        pytest.skip(f"the paper's tables are not at hand: no {path}")
+    paper = pd.read_csv(path, index_col="method").rename(columns={"hamming_distance": "hamming"})
+    pd.testing.assert_frame_equal(table.loc["paper"][list(paper.columns)], paper, check_names=False, check_dtype=False)
+
+
+def test_a_model_that_nobody_segmented_is_a_row_that_says_so(composed, run_trials):
+    cfg = composed("+study=table1", "dataset=bundled", "~dataset.categories")
+    rows = run_trials(plan(cfg), Benchmark.columns)
+    assert set(rows["status"]) == {"failed"}
+    assert rows["error"].str.contains("has 0 segmentations by people").all()
+    table = Benchmark().tables(rows, cfg)["table"].set_index(["source", "method"])
+    assert table.loc[("computed", "HeatWalk"), "failures"] == 3
+    assert np.isnan(table.loc[("computed", "HeatWalk"), "hamming"])
+
+
+def test_segmentations_by_people_that_change_are_other_trials(composed, psb_root, tmp_path):
+    import shutil
+
+    data = tmp_path / "data"
+    for part in ("off/50.off", "seg/Benchmark/50"):
+        target = data / part
+        target.parent.mkdir(parents=True, exist_ok=True)
+        source = psb_root / "data" / part
+        shutil.copytree(source, target) if source.is_dir() else shutil.copy(source, target)
+    ids = [[t.trial_id for t in plan(composed("+study=table1", f"dataset.root={tmp_path}"))]]
+    next((data / "seg" / "Benchmark" / "50").glob("*.seg")).unlink()
+    ids.append([t.trial_id for t in plan(composed("+study=table1", f"dataset.root={tmp_path}"))])
+    assert not set(ids[0]) & set(ids[1])

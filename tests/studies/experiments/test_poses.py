@@ -1,0 +1,83 @@
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import heatwalk
+from heatwalk.files import read_mesh
+from studies.experiments import Poses
+from studies.experiments.poses import matrices, pose_interval
+from studies.metrics import change_percentage
+from studies.plan import StudyError, plan
+
+
+def test_a_row_is_the_change_at_the_points_that_two_poses_have_in_common(composed, run_trials, tosca_zip, tosca_root):
+    cfg = composed("+study=pose", f"dataset.root={tosca_zip}", "dataset.models=[cat0,cat1,cat6]")
+    rows = run_trials(plan(cfg), Poses.columns)
+    labels = {}
+    for name in ("cat0", "cat1", "cat6"):
+        mesh = read_mesh(tosca_root / f"{name}.off")
+        points = np.loadtxt(tosca_root / "corres" / f"{name}.vts", dtype=int) - 1
+        labels[name] = heatwalk.segment(mesh.vertices, mesh.faces).labels[points]
+    assert list(zip(rows["model"], rows["other"], strict=True)) == list(combinations(labels, 2))
+    for row in rows.itertuples():
+        assert row.change_percentage == change_percentage(labels[row.model], labels[row.other])
+        assert row.n_compared == len(labels[row.model])
+
+
+def frame(pairs, shape="cat"):
+    return pd.DataFrame(
+        {
+            "part": shape, "model": a, "other": b, "status": "failed" if value is None else "ok",
+            "change_percentage": value, "van_dongen": value, "n_segments": 3, "n_segments_reference": 4,
+        }
+        for (a, b), value in pairs.items()
+    )  # fmt: skip
+
+
+def test_the_matrix_of_a_shape_is_symmetric_and_has_a_gap_where_a_pair_failed():
+    matrix = matrices(frame({("a", "b"): 1.0, ("a", "c"): 2.0, ("b", "c"): None}))["cat"]
+    np.testing.assert_array_equal(matrix.to_numpy(), [[0, 1, 2], [1, 0, np.nan], [2, np.nan, 0]])
+
+
+def test_the_table_has_each_shape_and_all_of_them(composed):
+    rows = pd.concat(
+        [frame({("a", "b"): 1.0, ("a", "c"): 3.0, ("b", "c"): None}), frame({("x", "y"): 10.0}, shape="dog")]
+    )
+    table = Poses().tables(rows, None)["table"].set_index("shape")
+    assert table.loc["cat", ["poses", "pairs", "mean", "largest", "failures"]].tolist() == [3, 2, 2.0, 3.0, 1]
+    assert table.loc["all", ["poses", "pairs", "failures"]].tolist() == [5, 3, 1]
+    assert table.loc["all", "mean"] == pytest.approx(14 / 3)
+    assert table.loc["dog", ["ci_low", "ci_high"]].isna().all()  # two poses: nothing to resample
+
+
+def test_the_interval_covers_the_true_mean_about_as_often_as_it_says():
+    """Pairs of a pose share what that pose adds, so that an interval over pairs alone would be far too narrow."""
+    rng = np.random.default_rng(1)
+    hits = 0
+    for _ in range(200):
+        own = rng.normal(5, 2, 15)
+        values = own[:, None] + own + rng.normal(0, 0.5, (15, 15))
+        values = np.triu(values, 1) + np.triu(values, 1).T
+        low, high = pose_interval([pd.DataFrame(values)])
+        hits += low <= 10 <= high
+    assert 0.85 <= hits / 200 <= 0.98
+
+
+def test_a_pose_that_cannot_be_segmented_costs_its_own_pairs(composed, run_trials, tosca_root, tmp_path):
+    (tmp_path / "corres").mkdir()
+    for name in ("cat0", "cat1", "cat2"):
+        for part in (f"{name}.off", f"corres/{name}.vts"):
+            (tmp_path / part).write_bytes((tosca_root / part).read_bytes())
+    (tmp_path / "cat2.off").write_text("OFF\n3 1 0\n0 0 0\n")
+    rows = run_trials(plan(composed("+study=pose", f"dataset.root={tmp_path}")), Poses.columns)
+    assert rows.set_index(["model", "other"])["status"].to_dict() == {
+        ("cat0", "cat1"): "ok", ("cat0", "cat2"): "failed", ("cat1", "cat2"): "failed",
+    }  # fmt: skip
+    assert rows["error"].dropna().str.contains("pose cat2").all()
+
+
+def test_shapes_of_one_pose_each_are_no_study(composed, tosca_zip):
+    with pytest.raises(StudyError, match="no shape has two poses"):
+        plan(composed("+study=pose", f"dataset.root={tosca_zip}", "dataset.models=[cat0,dog1]"))
