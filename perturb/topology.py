@@ -181,7 +181,7 @@ class ShortCircuits(Perturbation):
         used = np.unique(mesh.faces)
         tree = cKDTree(vertices[used])
         sources = rng.permutation(used)[: self.SOURCES]
-        block = max(1, min(50, 10_000_000 // len(vertices)))  # of the distances, 80 MB at most
+        block = 8  # of the distances: few are computed in vain, and memory stays small
         for first in range(0, len(sources), block):
             some = sources[first : first + block]
             # Bounded: what is farther than the limit is never reached, and stays at infinity.

@@ -243,7 +243,7 @@ def test_an_unknown_unit_is_answered_with_the_units_there_are(name):
         (lambda: perturb.ShortCircuits(bridge="rope"), "choose one of tube, strip"),
         (lambda: perturb.Tessellation(method="random"), "choose one of isotropic, subdivision, anisotropic, irregular"),
         (lambda: perturb.Tessellation(2, method="subdivision"), "amount is 2, and subdivision makes 4, 16, 64"),
-        (lambda: perturb.Tessellation(stretch=0.5), "stretch is 0.5; it must be at least 1"),
+        (lambda: perturb.Tessellation(stretch=0.5), "stretch is 0.5; it must be above 1"),
         (lambda: perturb.Tessellation(grading=float("inf")), "grading is inf"),
         (lambda: perturb.Decimation(1.01), "at most 1"),
         (lambda: perturb.Decimation(backend="vtk"), "choose one of fast_simplification, pymeshlab"),
