@@ -21,9 +21,9 @@ class Tessellation(Perturbation):
         the midpoints of its edges, as often as needed: amount is 4, 16, 64 …; anisotropic, triangles longer by
         `stretch` in one direction, which is random; irregular, triangles nearly equilateral whose size grows
         by `grading` from one extremity of the shape, in a random direction, to what is farthest from there.
-    stretch : of anisotropic triangles, the length along the direction over that across, at least 1. A place
-        that faces the direction shows no stretch.
-    grading : of irregular triangles, the longest edges over the shortest, at least 1.
+    stretch : of anisotropic triangles, the length along the direction over that across, above 1; what is aimed
+        at, of which kept edges and curvature take up to a half. A place that faces the direction shows none.
+    grading : of irregular triangles, the longest edges over the shortest, above 1.
 
     Isotropic remeshing splits, collapses and flips edges, which keeps the topology, and shifts vertices along
     the surface (Botsch and Kobbelt 2004, doi:10.1145/1057432.1057457; pymeshlab's). The others are isotropic in
@@ -31,7 +31,7 @@ class Tessellation(Perturbation):
     sizes. All new vertices lie on the original surface. The length of the edges is searched for, up to TRIES
     times, until the number of faces is met within TOLERANCE; `applied` holds the ratio reached. Edges sharper
     than SHARP degrees are kept, and so a coarse tessellation of a shape with many may be out of reach:
-    PerturbationError with what was reached, as there is for an edge of more than two faces.
+    PerturbationError with what was reached.
 
     A vertex's counterpart is, of the triangle with the point closest to it, the nearest corner. A vertex without
     faces is gone, except by subdivision.
@@ -59,8 +59,8 @@ class Tessellation(Perturbation):
         super().__post_init__()
         for field in ("stretch", "grading"):
             self._check_number(field)
-            if getattr(self, field) < 1:
-                raise PerturbationError(f"tessellation: {field} is {getattr(self, field):g}; it must be at least 1")
+            if getattr(self, field) <= 1:
+                raise PerturbationError(f"tessellation: {field} is {getattr(self, field):g}; it must be above 1")
         if self.method == "subdivision" and self.amount not in (0.0, *4.0 ** np.arange(16)):
             raise PerturbationError(
                 f"tessellation: amount is {self.amount:g}, and subdivision makes 4, 16, 64 … times the faces; "
@@ -149,23 +149,20 @@ class Tessellation(Perturbation):
         meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
         meshes.meshing_remove_unreferenced_vertices()
         # Every option is given: pymeshlab remembers what an earlier call was given.
-        try:
-            meshes.meshing_isotropic_explicit_remeshing(
-                iterations=self.ITERATIONS,
-                adaptive=False,
-                selectedonly=False,
-                targetlen=pymeshlab.PureValue(length),
-                featuredeg=self.SHARP,
-                checksurfdist=True,
-                maxsurfdist=pymeshlab.PureValue(length / 4),
-                splitflag=True,
-                collapseflag=True,
-                swapflag=True,
-                smoothflag=True,
-                reprojectflag=True,
-            )
-        except pymeshlab.PyMeshLabException as error:
-            raise PerturbationError(f"tessellation: pymeshlab cannot remesh this: {error}") from error
+        meshes.meshing_isotropic_explicit_remeshing(
+            iterations=self.ITERATIONS,
+            adaptive=False,
+            selectedonly=False,
+            targetlen=pymeshlab.PureValue(length),
+            featuredeg=self.SHARP,
+            checksurfdist=True,
+            maxsurfdist=pymeshlab.PureValue(length / 4),
+            splitflag=True,
+            collapseflag=True,
+            swapflag=True,
+            smoothflag=True,
+            reprojectflag=True,
+        )
         remeshed = meshes.current_mesh()
         return remeshed.vertex_matrix(), remeshed.face_matrix().astype(np.int64)
 

@@ -74,18 +74,21 @@ class Holes(Perturbation):
 
 @dataclass(frozen=True)
 class ShortCircuits(Perturbation):
-    """Places near in space and far along the surface are joined by tubes.
+    """Places near in space and far along the surface are joined by tubes, or by strips.
 
     amount : the number of tubes.
     near : the largest straight distance between a tube's ends, a share of the bounding-box diagonal.
     far : the smallest distance between them along the edges, a share of the diagonal, at least DETOUR * near.
         Distances along edges overestimate those on the surface. Ends on two components count as far.
+    bridge : tube, three quadrilaterals; or strip, the shortest of them only, which is thinner for heat.
 
     The ends are a random vertex and a random one of those near in space and far along the surface. A tube
     takes at each end the triangle nearest to the other end, removes both, and joins their outlines by six
     triangles, wound as their neighbours are: what was edge-manifold, watertight and consistently oriented
-    stays so, and every tube lowers the Euler number by 2. No two tubes share a vertex. Tubes may pass through
-    the inside of the shape, as some do in the paper's Figure 11, and are not checked for crossing anything.
+    stays so, and every tube lowers the Euler number by 2. A strip leaves open what the other sides would have
+    closed: the surface stays edge-manifold and gets a boundary, and the Euler number falls by 3. No two tubes
+    share a vertex. Tubes may pass through the inside of the shape, as some do in the paper's Figure 11, and are
+    not checked for crossing anything.
 
     Where fewer than `amount` tubes can be placed from SOURCES random vertices, `near` is widened in STEPS
     equal ratios up to far / DETOUR; `applied` holds the limit really used. Should that not be enough either
@@ -97,9 +100,10 @@ class ShortCircuits(Perturbation):
     unit: str = "count"
     near: float = 0.05
     far: float = 0.2
+    bridge: str = "tube"
 
     name: ClassVar[str] = "short_circuits"
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("count",)}
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("count",), "bridge": ("tube", "strip")}
 
     SOURCES: ClassVar[int] = 2000
     DETOUR: ClassVar[float] = 1.5  # just below that around half a round limb, pi / 2; a flat surface has 1
@@ -150,7 +154,8 @@ class ShortCircuits(Perturbation):
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
         start, end = vertices[parameters["vertices"]].transpose(1, 0, 2)
         length = np.linalg.norm(start - end, axis=1)
-        tubes = [_tube(vertices, faces[a], faces[b]) for a, b in parameters["triangles"]]
+        bridge = _tube if self.bridge == "tube" else _strip
+        tubes = [bridge(vertices, faces[a], faces[b]) for a, b in parameters["triangles"]]
         kept = np.delete(faces, parameters["triangles"].ravel(), axis=0)
         joined = trimesh.Trimesh(vertices.copy(), np.concatenate([kept, *tubes]), process=False)
         _, component = connected_components(edge_graph(mesh), directed=False)
@@ -164,7 +169,7 @@ class ShortCircuits(Perturbation):
             near_used=float(parameters["near"]),
             longest_tube=float(length.max(initial=0.0)),
             triangles_removed=2 * len(tubes),
-            triangles_added=6 * len(tubes),
+            triangles_added=sum(map(len, tubes)),
         )
 
     def _pairs(
@@ -176,7 +181,7 @@ class ShortCircuits(Perturbation):
         used = np.unique(mesh.faces)
         tree = cKDTree(vertices[used])
         sources = rng.permutation(used)[: self.SOURCES]
-        block = max(1, min(50, 10_000_000 // len(vertices)))  # of the distances, 80 MB at most
+        block = 8  # of the distances: few are computed in vain, and memory stays small
         for first in range(0, len(sources), block):
             some = sources[first : first + block]
             # Bounded: what is farther than the limit is never reached, and stays at infinity.
@@ -234,3 +239,11 @@ def _tube(vertices: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     b = min(turns, key=lambda turn: np.sum((vertices[a] - vertices[turn]) ** 2))
     a_next, b_next = np.roll(a, -1), np.roll(b, -1)
     return np.concatenate([np.stack([a, a_next, b_next], axis=1), np.stack([a, b_next, b], axis=1)])
+
+
+def _strip(vertices: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(2, 3) triangles: the side of the tube from a (3,) to b (3,) whose two ends are nearest to each other."""
+    tube = _tube(vertices, a, b)
+    squared = np.sum((vertices[tube[:3, 0]] - vertices[tube[3:, 2]]) ** 2, axis=1)
+    side = np.argmin(squared + np.roll(squared, -1))
+    return tube[[side, side + 3]]

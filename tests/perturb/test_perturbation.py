@@ -27,13 +27,23 @@ EXAMPLES = [
     perturb.Holes(0.15, "share_of_triangles"),
     perturb.Holes(40, "one_rings"),
     perturb.ShortCircuits(5),
+    perturb.ShortCircuits(5, bridge="strip"),
     perturb.Decimation(0.4),
     perturb.Decimation(0.4, backend="pymeshlab"),
     perturb.Scaling(3.0),
     perturb.MissingParts(0.1),
     perturb.MissingParts(0.1, shape="plane"),
+    perturb.Tessellation(2.0),
+    perturb.Tessellation(4.0, method="subdivision"),
+    perturb.Tessellation(2.0, method="anisotropic"),
+    perturb.Tessellation(2.0, method="irregular"),
 ]
-RANDOM = [example for example in EXAMPLES if not isinstance(example, perturb.Decimation | perturb.Scaling)]
+CERTAIN = (perturb.Decimation, perturb.Scaling)
+RANDOM = [
+    example
+    for example in EXAMPLES
+    if not (isinstance(example, CERTAIN) or getattr(example, "method", "") in ("isotropic", "subdivision"))
+]
 every_example = pytest.mark.parametrize("perturbation", EXAMPLES, ids=repr)
 CONFIGS = sorted((Path(__file__).parents[2] / "conf" / "perturbation").glob("*.yaml"))
 
@@ -62,6 +72,7 @@ def test_examples_cover_every_registered_name():
         "scaling",
         "short_circuits",
         "shot_noise",
+        "tessellation",
     ]
 
 
@@ -143,8 +154,8 @@ def test_counterparts_are_vertices_of_the_result_or_gone(perturbation, mesh):
     assert result.counterpart.dtype == np.int64
     there = result.counterpart[result.counterpart >= 0]
     assert result.counterpart.min() >= -1
-    # Every vertex of the result comes from somewhere; by nearest vertex that need not be so.
-    if result.applied.get("counterpart_by") != "nearest_vertex":
+    # Every vertex of the result comes from somewhere; where nearness decides that need not be so.
+    if result.applied.get("counterpart_by") not in ("nearest_vertex", "closest_point"):
         np.testing.assert_array_equal(np.unique(there), np.arange(len(result.mesh.vertices)))
     assert there.max() < len(result.mesh.vertices)
     np.testing.assert_array_equal(np.unique(result.mesh.faces), np.arange(len(result.mesh.vertices)))
@@ -229,6 +240,11 @@ def test_an_unknown_unit_is_answered_with_the_units_there_are(name):
         (lambda: perturb.ShortCircuits(2.5), "must be a whole number"),
         (lambda: perturb.ShortCircuits(near=0), "near is 0; it must be above 0"),
         (lambda: perturb.ShortCircuits(near=0.2, far=0.2), "far must be at least 1.5 times near"),
+        (lambda: perturb.ShortCircuits(bridge="rope"), "choose one of tube, strip"),
+        (lambda: perturb.Tessellation(method="random"), "choose one of isotropic, subdivision, anisotropic, irregular"),
+        (lambda: perturb.Tessellation(2, method="subdivision"), "amount is 2, and subdivision makes 4, 16, 64"),
+        (lambda: perturb.Tessellation(stretch=0.5), "stretch is 0.5; it must be above 1"),
+        (lambda: perturb.Tessellation(grading=float("inf")), "grading is inf"),
         (lambda: perturb.Decimation(1.01), "at most 1"),
         (lambda: perturb.Decimation(backend="vtk"), "choose one of fast_simplification, pymeshlab"),
         (lambda: perturb.MissingParts(1), "must be below 1"),

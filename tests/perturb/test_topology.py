@@ -92,6 +92,32 @@ def test_tubes_keep_a_closed_surface_closed_and_oriented_and_add_a_handle_each(s
     assert result.applied["tubes_between_components"] == 0
 
 
+def test_a_strip_is_the_shortest_side_of_the_tube(short_circuited):
+    mesh, parameters, tubes = short_circuited
+    strips = perturb.ShortCircuits(8, bridge="strip").apply(mesh, parameters)
+    others = len(mesh.faces) - 16
+    np.testing.assert_array_equal(strips.mesh.faces[:others], tubes.mesh.faces[:others])
+    assert strips.applied["triangles_added"] == 16
+    sides = np.asarray(tubes.mesh.faces)[others:].reshape(8, 2, 3, 3).transpose(0, 2, 1, 3)
+    strip = np.asarray(strips.mesh.faces)[others:].reshape(8, 2, 3)
+    corners = np.asarray(mesh.vertices)[sides]  # tube, side, triangle, corner
+    # The first triangle of a side is a, a's next, b's next; the second a, b's next, b.
+    rails = np.linalg.norm(corners[:, :, 0, 1:2] - corners[:, :, 0, 2:], axis=-1) ** 2
+    rails += np.linalg.norm(corners[:, :, 1, 0:1] - corners[:, :, 1, 2:], axis=-1) ** 2
+    np.testing.assert_array_equal(strip, sides[np.arange(8), rails[..., 0].argmin(axis=1)])
+
+
+def test_strips_keep_a_surface_edge_manifold_and_oriented_and_open_it(short_circuited):
+    mesh, parameters, _ = short_circuited
+    strips = perturb.ShortCircuits(8, bridge="strip").apply(mesh, parameters).mesh
+    assert strips.is_winding_consistent
+    _, uses = np.unique(strips.edges_sorted, axis=0, return_counts=True)
+    # Around each strip: two edges of either triangle that was there, and the strip's two long sides.
+    assert np.bincount(uses)[1] == 8 * 6
+    assert uses.max() == 2
+    assert strips.euler_number == mesh.euler_number - 3 * 8
+
+
 def test_tubes_leave_vertices_and_all_other_faces_alone(short_circuited):
     mesh, parameters, result = short_circuited
     ends = parameters["triangles"]
