@@ -59,7 +59,7 @@ class Dask:
         name = f"studies-{uuid.uuid4().hex}"
         with contextlib.ExitStack() as stack:
             client = stack.enter_context(self._client(stack))
-            client.register_plugin(_Isolation(sys.path, self.timeout, self.memory), name=name)
+            client.register_plugin(_Isolation(sys.path, pickle.dumps(function), self.timeout, self.memory), name=name)
             stack.callback(client.unregister_worker_plugin, name)
             stack.callback(self._pending.clear)
             stack.callback(self._clients.clear)
@@ -67,11 +67,10 @@ class Dask:
             while True:
                 slots = max(sum(client.nthreads().values()), self.workers or 1)
                 for task in islice(tasks, max(0, 2 * slots - len(self._pending))):
-                    packed = pickle.dumps((function, task))
-                    self._pending[client.submit(_isolated, name, packed, pure=False)] = task
+                    self._pending[client.submit(_isolated, name, pickle.dumps(task), pure=False)] = task
                 if not self._pending:
                     break
-                with contextlib.suppress(TimeoutError):
+                with client.as_current(), contextlib.suppress(TimeoutError):
                     distributed.wait(list(self._pending), timeout=_TOP_UP, return_when="FIRST_COMPLETED")
                 for future in [future for future in self._pending if future.done()]:
                     yield self._pending.pop(future), self._outcome(future)
@@ -96,16 +95,16 @@ class Dask:
             raise ConnectionError(f"the scheduler at {self.address or 'the cluster'} lost the study's tasks") from error
 
 
-def _isolated(name, packed):
-    return distributed.get_worker().plugins[name].outcome(packed)
+def _isolated(name, task):
+    return distributed.get_worker().plugins[name].outcome(task)
 
 
 class _Isolation(distributed.WorkerPlugin):
     """What a worker has for one study: where the head process finds modules, and a process for each thread."""
 
-    def __init__(self, path, timeout, memory):
+    def __init__(self, path, function, timeout, memory):
         self._path = path
-        self._limits = timeout, memory
+        self._options = function, 1, timeout, memory
 
     def setup(self, worker):
         sys.path.extend(folder for folder in self._path if folder not in sys.path)
@@ -118,9 +117,9 @@ class _Isolation(distributed.WorkerPlugin):
         for processes in self._processes.values():
             processes.close()
 
-    def outcome(self, packed):
+    def outcome(self, task):
         thread = threading.get_ident()
         if thread not in self._processes:
-            self._processes[thread] = Processes(1, *self._limits)
+            self._processes[thread] = Processes(*self._options)
         processes = self._processes[thread]
-        return processes.outcome(processes.submit(packed))
+        return processes.outcome(processes.submit(task))

@@ -81,12 +81,12 @@ class Local:
         """(task, function(task) or Lost) for every task, as they finish."""
         workers = self.workers or len(os.sched_getaffinity(0))
         tasks = iter(tasks)
-        processes = Processes(workers, self.timeout, self.memory)
+        processes = Processes(pickle.dumps(function), workers, self.timeout, self.memory)
         try:
             while True:
                 # A few tasks ahead of the workers, not all of them: a plan may hold a hundred thousand.
                 for task in islice(tasks, 2 * workers - len(self._pending)):
-                    self._pending[processes.submit(pickle.dumps((function, task)))] = task
+                    self._pending[processes.submit(pickle.dumps(task))] = task
                 if not self._pending:
                     break
                 finished, _ = concurrent.futures.wait(self._pending, return_when=concurrent.futures.FIRST_COMPLETED)
@@ -103,18 +103,19 @@ class Local:
 class Processes:
     """Worker processes, each with one BLAS thread; what happens in one of them happens to its task only.
 
-    A worker is replaced when it dies, and killed when its task takes longer than `timeout` seconds, or when it and the
-    programs that it runs hold more than `memory` (see `Local`).
+    Function and tasks are handed over as pickles, which nobody on the way has to understand. A worker is replaced when
+    it dies, and killed when its task takes longer than `timeout` seconds, or when it and the programs that it runs hold
+    more than `memory` (see `Local`).
     """
 
-    def __init__(self, workers, timeout=None, memory=None):
+    def __init__(self, function, workers, timeout=None, memory=None):
         self._timeout = timeout
         self._memory = memory
         # Not fork: a forked child inherits locks that the parent's threads hold, and native libraries' state.
         context = multiprocessing.get_context("spawn")
         busy = context.RawArray(ctypes.c_int64, _SLOTS)
         self._pool = pebble.ProcessPool(
-            max_workers=workers, context=context, initializer=_prepare_worker, initargs=[busy]
+            max_workers=workers, context=context, initializer=_prepare_worker, initargs=[function, busy]
         )
         self._too_large = set()  # ids of the processes that were killed for their memory
         self._closed = threading.Event()
@@ -122,9 +123,9 @@ class Processes:
         if memory is not None:
             self._watcher.start()
 
-    def submit(self, packed):
-        """Have the pickle of (function, task) worked on: a future for `outcome`."""
-        return self._pool.schedule(_work, args=[packed], timeout=self._timeout)
+    def submit(self, task):
+        """A future of what the function makes of a task, for `outcome`."""
+        return self._pool.schedule(_work, args=[task], timeout=self._timeout)
 
     def outcome(self, future):
         """What the function returned, or Lost; waits for it."""
@@ -213,24 +214,25 @@ def _resident(processes):
     return held
 
 
-# In the worker: the slots of those that are at work, shared with the head process.
+# In the worker: the pickled function, and the slots of those at work, shared with the head process.
+_function = None
 _busy = None
 
 
-def _work(packed):
+def _work(task):
     pid = os.getpid()
     _busy[pid % _SLOTS] = pid
     try:
-        function, task = pickle.loads(packed)
-        return function(task)
+        # Not by pebble: what it cannot unpickle in a worker it waits for without end.
+        return pickle.loads(_function)(pickle.loads(task))
     finally:
         _busy[pid % _SLOTS] = 0
 
 
-def _prepare_worker(busy):
-    """One thread a worker, Ctrl-C left to the head process, and an end with it."""
-    global _busy
-    _busy = busy
+def _prepare_worker(function, busy):
+    """One thread a worker, Ctrl-C left to the head process, an end with it, and what is needed imported."""
+    global _function, _busy
+    _function, _busy = function, busy
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_head, daemon=True).start()
     # Libraries loaded from here on read the variables; those loaded already are told by threadpoolctl.
@@ -239,6 +241,8 @@ def _prepare_worker(busy):
     import threadpoolctl
 
     threadpoolctl.threadpool_limits(1)
+    with contextlib.suppress(Exception):  # the first task says what it is
+        pickle.loads(function)  # or the first task's time would hold the imports
 
 
 def _end_with_head():

@@ -83,8 +83,8 @@ def test_a_worker_that_dies_costs_its_own_task_only():
 
 
 def test_a_worker_that_hangs_costs_its_own_task_only():
-    outcomes = dict(Local(workers=2, timeout=2).run(hang_at_three, range(8)))
-    assert outcomes.pop(3) == Lost("timeout", "took longer than engine.timeout=2 seconds")
+    outcomes = dict(Local(workers=2, timeout=1).run(hang_at_three, range(8)))
+    assert outcomes.pop(3) == Lost("timeout", "took longer than engine.timeout=1 seconds")
     assert outcomes == {x: x for x in range(8) if x != 3}
 
 

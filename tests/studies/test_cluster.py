@@ -1,0 +1,130 @@
+"""A real scheduler and two workers, processes of their own, over TCP on loopback."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from studies.engine import Lost
+from tests.studies.test_engine import abort_at_three, blas_threads, hang_at_three, process, square, wait_for
+
+pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
+
+from studies.cluster import Dask
+
+PROJECT = str(Path(__file__).parents[2])
+
+
+def start(folder, *words):
+    command = [sys.executable, "-m", "dask", *words]
+    environment = os.environ | {"PYTHONPATH": PROJECT}  # as if it was installed
+    with (folder / f"{words[0]}-{len(list(folder.iterdir()))}.log").open("wb") as log:
+        return subprocess.Popen(command, cwd=folder, env=environment, stdout=log, stderr=log, start_new_session=True)
+
+
+def start_worker(folder):
+    """A nanny and its worker."""
+    return start(folder, "worker", "--scheduler-file", "scheduler.json", "--nthreads", "1", "--no-dashboard")
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory):
+    """A scheduler's address, and the folder of its file and two workers."""
+    folder = tmp_path_factory.mktemp("dask")
+    words = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", "scheduler.json")
+    programs = [start(folder, "scheduler", *words)]
+    wait_for((folder / "scheduler.json").exists)
+    programs += [start_worker(folder), start_worker(folder)]
+    yield json.loads((folder / "scheduler.json").read_text())["address"], programs[1:], folder
+    for program in programs:
+        os.killpg(program.pid, signal.SIGTERM)
+    for program in programs:
+        program.wait()
+
+
+def test_every_task_gets_its_own_outcome(scheduler):
+    engine = Dask(scheduler[0])
+    assert dict(engine.run(square, range(30))) == {x: x * x for x in range(30)}
+    assert engine.active() == []
+
+
+def test_work_is_done_by_processes_of_the_workers_with_one_blas_thread_each(scheduler):
+    pids = {pid for _, pid in Dask(scheduler[0]).run(process, range(12))}
+    assert len(pids) == 2
+    assert os.getpid() not in pids
+    assert {n for _, n in Dask(scheduler[0]).run(blas_threads, [0])} == {1}
+
+
+def test_a_task_that_crashes_or_hangs_costs_itself_only_and_no_worker(scheduler):
+    before = {child.pid for worker in scheduler[1] for child in psutil.Process(worker.pid).children()}
+    outcomes = dict(Dask(scheduler[0]).run(abort_at_three, range(8)))
+    assert outcomes.pop(3) == Lost("crashed", "its process died with exit code -6")
+    assert outcomes == {x: x for x in range(8) if x != 3}
+    outcomes = dict(Dask(scheduler[0], timeout=2).run(hang_at_three, range(8)))
+    assert outcomes.pop(3) == Lost("timeout", "took longer than engine.timeout=2 seconds")
+    assert outcomes == {x: x for x in range(8) if x != 3}
+    assert before == {child.pid for worker in scheduler[1] for child in psutil.Process(worker.pid).children()}
+
+
+def test_a_worker_finds_the_modules_that_the_head_process_finds(scheduler, tmp_path, monkeypatch):
+    (tmp_path / "only_the_head_has_it.py").write_text("def cube(x):\n    return x**3\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    import only_the_head_has_it
+
+    assert dict(Dask(scheduler[0]).run(only_the_head_has_it.cube, [2, 3])) == {2: 8, 3: 27}
+
+
+def slowly(task):
+    x, folder = task
+    open(os.path.join(folder, f"{os.getpid()}"), "w").close()
+    time.sleep(0.3)
+    return x * x
+
+
+def test_a_worker_that_is_killed_costs_nothing(scheduler, tmp_path):
+    address, workers, _ = scheduler
+    tasks = [(x, str(tmp_path)) for x in range(24)]
+    results = Dask(address).run(slowly, tasks)
+    outcomes = dict(next(results) for _ in range(4))
+    wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
+    os.killpg(workers[0].pid, signal.SIGKILL)  # the nanny; its worker is in another session
+    victims = [path.name for path in tmp_path.iterdir()]
+    outcomes |= dict(results)
+    assert outcomes == {(x, path): x * x for x, path in tasks}
+    assert len(victims) == 2
+
+
+def test_it_says_which_tasks_the_workers_have(scheduler):
+    engine = Dask(scheduler[0])
+    seen = set()
+    for _ in engine.run(process, range(8)):
+        seen.update(engine.active())
+        assert len(engine.active()) <= 4
+    assert len(seen) >= 4
+
+
+def test_a_cluster_is_started_for_the_study_and_ends_with_it():
+    options = {"n_workers": 1, "threads_per_worker": 2, "dashboard_address": ":0"}
+    engine = Dask(cluster={"_target_": "distributed.LocalCluster", **options})
+    pids = {pid for _, pid in engine.run(process, range(8))}
+    assert len(pids) == 2
+    wait_for(lambda: not any(psutil.pid_exists(pid) for pid in pids))
+
+
+@pytest.mark.parametrize("options", [{}, {"address": "tcp://127.0.0.1:1", "cluster": {}}])
+def test_it_is_told_one_scheduler(options):
+    with pytest.raises(ValueError, match=r"engine\.address=tcp://HOST:PORT"):
+        Dask(**options)
+
+
+def test_a_scheduler_that_is_not_there_is_an_error():
+    import dask
+
+    with dask.config.set({"distributed.comm.timeouts.connect": "1s"}), pytest.raises(OSError, match=r"127\.0\.0\.1:1"):
+        list(Dask("tcp://127.0.0.1:1").run(square, [1]))
