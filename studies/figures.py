@@ -1,7 +1,7 @@
 """Figures of a study: curves of Change Percentage by level, and galleries of segmented variants.
 
-Every figure is as wide as one or two columns of a paper, in letters of 7 to 8 points. Curves are written as PDF and PNG,
-pictures of surfaces as PNG of 300 dots an inch; drawn again, each has the same bytes.
+Every figure is as wide as one or two columns of a paper, in letters of 7 to 8 points. Curves are written as PDF and
+PNG, pictures of surfaces as PNG of 300 dots an inch; drawn again, each has the same bytes.
 """
 
 import matplotlib
