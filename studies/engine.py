@@ -40,6 +40,24 @@ class LostError(RuntimeError):
     """What was asked of an engine was lost; the message says why."""
 
 
+def gathered(engine, function, tasks):
+    """``function`` of each of a few tasks, in their order; LostError where one of them is lost."""
+    found = {}
+    for (i, *_), outcome in engine.run(_apply, [(i, function, task) for i, task in enumerate(tasks)]):
+        if isinstance(outcome, Lost):
+            raise LostError(outcome.reason)
+        found[i] = outcome
+    return [found[i] for i in range(len(tasks))]
+
+
+def _apply(numbered):
+    _, function, task = numbered
+    try:
+        return function(task)
+    except Exception as error:
+        return Lost("failed", f"{type(error).__name__}: {error}")
+
+
 @dataclass(frozen=True)
 class Serial:
     """One task after the other, in this process."""

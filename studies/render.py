@@ -1,4 +1,6 @@
-"""Pictures of segmented surfaces, drawn off screen."""
+"""Pictures of surfaces, drawn off screen: segments, functions on the surface, marked points."""
+
+from dataclasses import dataclass
 
 import numpy as np
 import pyvista
@@ -7,81 +9,41 @@ from heatwalk import faces_from_vertices
 from heatwalk.files import label_colours
 from studies.metrics import match_labels
 
-TILE = (480, 400)  # pixels
+TILE = (720, 600)  # pixels, width and height: 2.4 in at 300 dpi
+MARGIN = 0.04  # of the tile, left white on each side
 TILT = 20  # degrees that the camera looks down from the side
+FIELD_COLOURS = "viridis"  # perceptually uniform, and read in grey and by the colour-blind
+MARK = "#d00000"
+TRANSPARENT = 0.35  # opacity of a surface through which its tubes are seen
 
-# The last reference made in this process: the pictures of one model are asked for one after the other.
-_last_reference = {}
+STYLES = ("variant", "on_original", "transparent", "edges", "scaled")
 
 
-def picture(task):
-    """The picture of a trial's original or variant, both seen from the same side: (height, width, 3) uint8 array.
+@dataclass(frozen=True)
+class View:
+    """Where a shape is looked at from, and what the picture holds.
 
-    task : (trial, whether to draw the original)
+    Attributes
+    ----------
+    axes : (3, 3) array, rows right, up and towards the camera
+    centre : (3,) array, in the middle of the picture
+    extent : (2,) array, width and height of what has to be seen, in the shape's own unit
     """
-    trial, original = task
-    reference = _reference(trial)
-    view = _view(np.asarray(reference.mesh.vertices))
-    if original:
-        return _draw(reference.mesh, reference.labels, view)
-    variant = trial.variant(reference)
-    return _draw(variant.mesh, _named_as_in_reference(variant), view)
+
+    axes: np.ndarray
+    centre: np.ndarray
+    extent: np.ndarray
 
 
-def _reference(trial):
-    if trial.shares not in _last_reference:
-        _last_reference.clear()
-        _last_reference[trial.shares] = trial.prepare()
-    return _last_reference[trial.shares]
-
-
-def _named_as_in_reference(variant):
-    """The variant's labels, renamed so that a part has the number, and so the colour, that it has in the reference.
-
-    The background (-1) stays the background in both: it is not a part to be matched.
-    """
-    before, after = variant.compared()
-    both = (before >= 0) & (after >= 0)
-    named = np.full(len(variant.labels), -1)
-    parts = np.unique(variant.labels[variant.labels >= 0])
-    fresh = variant.reference.labels.max() + 1 + len(parts)
-    names = dict(zip(parts.tolist(), range(fresh, fresh + len(parts)), strict=True))
-    if both.any():
-        names |= dict(zip(after[both].tolist(), match_labels(before[both], after[both]).tolist(), strict=True))
-    for part, name in names.items():
-        named[variant.labels == part] = name
-    return named
-
-
-def _draw(mesh, labels, view):
-    """The mesh with its faces coloured by segment: (height, width, 3) uint8 array.
-
-    labels : (n,) int array, a label a vertex, -1 for the background
-    view : (3, 3) array, rows right, up and towards the camera
-    """
-    of_faces = faces_from_vertices(labels, mesh.faces)
-    background = labels.max() + 1
-    # Turned to the camera, which then looks along z.
-    points = (np.asarray(mesh.vertices) - mesh.bounds[0]) / mesh.extents.max() @ view.T
-    surface = pyvista.PolyData.from_regular_faces(points, mesh.faces)
-    surface.cell_data["colour"] = label_colours(np.where(of_faces < 0, background, of_faces), background)[:, :3]
-    with pyvista.vtk_verbosity("off"):  # VTK warns where there is no screen, and draws all the same
-        plotter = pyvista.Plotter(off_screen=True, window_size=TILE)
-        plotter.add_mesh(surface, scalars="colour", rgb=True, ambient=0.25, diffuse=0.8)
-        plotter.view_xy()
-        plotter.enable_parallel_projection()
-        width, height, _ = np.ptp(points, axis=0)
-        plotter.camera.parallel_scale = 0.52 * max(height, width * TILE[1] / TILE[0])
-        image = plotter.screenshot(return_img=True)
-        plotter.close()
-    return image
-
-
-def _view(vertices):
-    """Where to look at a shape from: rows right, up and towards the camera of a (3, 3) array.
+def view_of(vertices):
+    """The view of a shape, framed on it: View.
 
     Across the direction in which it is thinnest, so that it spreads before the camera; upright by the coordinate axis
     (y, as most models have it, else z) that is then nearer to the vertical.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float array
     """
     centred = vertices - vertices.mean(axis=0)
     _, axes = np.linalg.eigh(centred.T @ centred)
@@ -91,4 +53,209 @@ def _view(vertices):
     up /= np.linalg.norm(up)
     tilt = np.deg2rad(TILT)
     towards, up = np.cos(tilt) * towards + np.sin(tilt) * up, np.cos(tilt) * up - np.sin(tilt) * towards
-    return np.array([np.cross(up, towards), up, towards])
+    return framed(vertices, np.array([np.cross(up, towards), up, towards]))
+
+
+def framed(vertices, axes):
+    """The view along given axes, (3, 3), with the vertices filling the picture: View."""
+    turned = vertices @ axes.T
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    return View(axes, (low + high) / 2 @ axes, (high - low)[:2])
+
+
+def surface(
+    mesh,
+    view,
+    *,
+    labels=None,
+    field=None,
+    clim=None,
+    points=None,
+    contour=None,
+    solid=None,
+    opacity=1.0,
+    edges=False,
+    size=TILE,
+):
+    """Draw a surface on white: (height, width, 3) uint8 array. The same arguments give the same bytes.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh of n vertices and m faces
+    view : View
+    labels : (n,) int array, optional
+        a segment a vertex, each in the colour of ``heatwalk.files.label_colours``, the background (-1) in its grey.
+        Without labels and field the whole surface is grey.
+    field : (n,) float array, optional
+        a function to show in ``FIELD_COLOURS`` instead
+    clim : (low, high), optional
+        what the ends of the colours stand for; the smallest and largest value without
+    points : (p,) int array, optional
+        vertices marked by a ball
+    contour : ((n,) float array, level), optional
+        a line drawn where this function has this level
+    solid : (m,) bool array, optional
+        faces drawn black, and opaque whatever the opacity
+    opacity : float, of the surface, 0 to 1
+    edges : bool, whether to draw the triangles' edges
+    size : (width, height) in pixels
+
+    Raises
+    ------
+    ValueError
+        when labels and field are both given
+    """
+    if labels is not None and field is not None:
+        raise ValueError("a surface shows labels or a field, not both: leave one of them out")
+    # In units of the picture, turned to the camera, which then looks along z: coordinates of any size draw alike.
+    width, height = size
+    unit = max(view.extent[0] / width, view.extent[1] / height) / (1 - 2 * MARGIN)
+    vertices = (np.asarray(mesh.vertices) - view.centre) @ view.axes.T / unit
+    shape = pyvista.PolyData.from_regular_faces(vertices, mesh.faces)
+    if field is None:
+        of_faces = faces_from_vertices(np.full(len(vertices), -1) if labels is None else labels, mesh.faces)
+        background = max(of_faces.max(), 0) + 1
+        shape.cell_data["colour"] = label_colours(np.where(of_faces < 0, background, of_faces), background)[:, :3]
+        colours = {"scalars": "colour", "rgb": True}
+    else:
+        shape.point_data["field"] = field
+        colours = {"scalars": "field", "cmap": FIELD_COLOURS, "clim": clim, "show_scalar_bar": False}
+        colours["interpolate_before_map"] = True
+    if contour is not None:
+        shape.point_data["contour"] = contour[0]
+    if solid is not None:
+        shape.cell_data["solid"] = solid
+
+    with pyvista.vtk_verbosity("off"):  # VTK warns where there is no screen, and draws all the same
+        plotter = pyvista.Plotter(off_screen=True, window_size=size, lighting="none")
+        plotter.background_color = "white"
+        # From beside the camera, so that the surface's relief is seen, and weakly from the other side.
+        for position, intensity in (((-0.4, 0.6, 1.0), 0.85), ((0.8, -0.2, 0.6), 0.3)):
+            plotter.add_light(pyvista.Light(position=position, intensity=intensity, light_type="camera light"))
+        # No highlights: what is lit keeps the hue of its segment. Less shade on a function, whose colours are read off.
+        material = {
+            "ambient": 0.3 if field is None else 0.5,
+            "diffuse": 0.75 if field is None else 0.5,
+            "specular": 0.0,
+        }
+        rest = shape
+        if solid is not None:
+            rest = shape.extract_cells(np.flatnonzero(~solid)).extract_surface(algorithm=None)
+            tubes = shape.extract_cells(np.flatnonzero(solid)).extract_surface(algorithm=None)
+            plotter.add_mesh(tubes, color="black", lighting=False)
+        plotter.add_mesh(
+            _creased(rest), opacity=opacity, show_edges=edges, edge_opacity=0.5, line_width=1.0, **colours, **material
+        )
+        if contour is not None:
+            line = shape.contour([contour[1]], scalars="contour")
+            if line.n_points:
+                plotter.add_mesh(line.tube(radius=0.004 * width), color="black", lighting=False)
+        if points is not None:
+            balls = pyvista.PolyData(vertices[points]).glyph(
+                geom=pyvista.Sphere(radius=0.014 * width), scale=False, orient=False
+            )
+            plotter.add_mesh(balls, color=MARK, **material)
+        if opacity < 1:
+            plotter.enable_depth_peeling(number_of_peels=12)
+        plotter.enable_anti_aliasing("ssaa")
+        _look_along_z(plotter, vertices, height)
+        image = plotter.screenshot(return_img=True)
+        plotter.close()
+    return image
+
+
+def _creased(shape):
+    """With normals that vary smoothly but for sharp creases, where a machine part has its edges."""
+    return shape.compute_normals(
+        cell_normals=False,
+        split_vertices=True,
+        feature_angle=45,
+        consistent_normals=False,
+        auto_orient_normals=False,
+    )
+
+
+def _look_along_z(plotter, vertices, height):
+    """Show height pixels, one to a unit, around the origin, with everything between the clipping planes."""
+    far = 2 * np.abs(vertices).max() + height
+    camera = plotter.camera
+    camera.focal_point, camera.position, camera.up = (0, 0, 0), (0, 0, far), (0, 1, 0)
+    camera.enable_parallel_projection()
+    camera.parallel_scale = height / 2
+    camera.clipping_range = (0.01 * far, 2 * far)
+
+
+def pictures(task):
+    """Pictures of an original and of its variants from the same side: list of (height, width, 3) uint8 arrays.
+
+    Parameters
+    ----------
+    task : (list of trials of one model, style), where style says how the variants are drawn
+        "variant": segmented, in the frame of the original
+        "on_original": so, and above it the original with the variant's segments (paper, Figure 10)
+        "transparent": the faces that the original does not have, black, seen through the rest (Figure 11)
+        "edges": with the edges of the triangles (Figure 13)
+        "scaled": in a frame of its own, for a gallery that draws it in proportion (Figure 14)
+    """
+    trials, style = task
+    reference = trials[0].prepare()
+    view = view_of(np.asarray(reference.mesh.vertices))
+    original = surface(reference.mesh, view, labels=reference.labels, edges=style == "edges")
+    if style == "on_original":
+        original = np.concatenate([original, np.full_like(original, 255)])
+    return [original, *(_variant(trial.variant(reference), view, style) for trial in trials)]
+
+
+def _variant(variant, view, style):
+    before, after = variant.compared()
+    labels = named_as(before, after, variant.labels)
+    original = variant.reference.mesh
+    if style == "transparent":
+        added = added_faces(original.faces, variant.mesh.faces, variant.counterpart)
+        return surface(variant.mesh, view, labels=labels, solid=added, opacity=TRANSPARENT)
+    if style == "scaled":
+        view = framed(np.asarray(variant.mesh.vertices), view.axes)
+    drawn = surface(variant.mesh, view, labels=labels, edges=style == "edges")
+    if style == "on_original":
+        # Where a vertex is gone it has no label, and is grey.
+        carried = np.where(variant.counterpart < 0, -1, labels[variant.counterpart])
+        return np.concatenate([surface(original, view, labels=carried), drawn])
+    return drawn
+
+
+def named_as(before, after, labels):
+    """Labels renamed so that a part has the number, and so the colour, that it has in a reference: (n,) int array.
+
+    The background (-1) stays the background in both: it is not a part to be matched. Parts without a partner are
+    numbered on from the largest label of the reference.
+
+    Parameters
+    ----------
+    before, after : (p,) int arrays, the reference's and the renamed segmentation's labels of the same p points
+    labels : (n,) int array, of all points of the renamed segmentation
+    """
+    both = (before >= 0) & (after >= 0)
+    named = np.full(len(labels), -1)
+    parts = np.unique(labels[labels >= 0])
+    fresh = max(before.max(initial=-1), -1) + 1 + len(parts)
+    names = dict(zip(parts.tolist(), range(fresh, fresh + len(parts)), strict=True))
+    if both.any():
+        names |= dict(zip(after[both].tolist(), match_labels(before[both], after[both]).tolist(), strict=True))
+    for part, name in names.items():
+        named[labels == part] = name
+    return named
+
+
+def added_faces(original, faces, counterpart):
+    """The faces of a variant that its original does not have: (m,) bool array, for short circuits those of the tubes.
+
+    Parameters
+    ----------
+    original : (m₀, 3) int array, the faces of the original
+    faces : (m, 3) int array, the faces of the variant
+    counterpart : (n₀,) int array, the variant's vertex for each of the original, -1 where it is gone
+    """
+    moved = counterpart[original]
+    moved = np.sort(moved[(moved >= 0).all(axis=1)], axis=1)
+    _, which = np.unique(np.concatenate([moved, np.sort(faces, axis=1)]), axis=0, return_inverse=True)
+    return np.isin(which[len(moved) :], which[: len(moved)], invert=True)

@@ -12,7 +12,7 @@ from PIL import Image
 from rich.table import Table
 
 import heatwalk
-from studies import tables
+from studies import figures, tables
 from studies.engine import LostError
 
 CODE = ("../heatwalk", "../perturb", "../studies", "../conf")
@@ -39,9 +39,7 @@ def write(experiment, cfg, folder, rows, console):
     shown = experiment.display(table)
     (folder / "table.md").write_text(tables.markdown(title, experiment.headings, shown, experiment.notes))
     for stem, figure in experiment.curves(rows, made, cfg, title).items():
-        # Without the time of writing and the like: the same rows give the same bytes.
-        figure.savefig(folder / f"{stem}.pdf", metadata={"CreationDate": None})
-        figure.savefig(folder / f"{stem}.png", metadata={"Software": None})
+        figures.save(figure, folder / f"{stem}.png")
     console.print(_terminal_table(title, experiment, shown, experiment.narrow(table)))
 
 
@@ -64,7 +62,7 @@ def draw(experiment, cfg, folder, trials, rows, engine, console):
             except LostError as lost:
                 console.print(f"no {path.name}: drawing it failed: {lost}", markup=False, soft_wrap=True)
                 continue
-        figure.savefig(path, dpi=300, metadata={"Software": None, "Shows": shows})
+        figures.save(figure, path, shows)
 
 
 def _is_drawn(path, shows):

@@ -11,7 +11,8 @@ import numpy as np
 import trimesh
 from omegaconf import OmegaConf
 
-from studies import figures, tables
+from studies import figures, render, tables
+from studies.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.plan import StudyError, digest, identity, whole_number
@@ -172,14 +173,19 @@ class Change(Experiment):
         return {cfg.study.name: figures.curve(tables["table"], rows, cfg.axis, title)}
 
     def surfaces(self, trials, rows, cfg, title, engine):
+        style = cfg.gallery.style
+        if style not in render.STYLES:
+            raise StudyError(f"gallery.style is {style!r}: choose one of {', '.join(render.STYLES)}")
         shown = figures.gallery_trials(trials, rows, cfg.gallery.models, cfg.gallery.columns)
+        axes = {name: part.axis for name, part in parts(cfg).items()}
+
+        def make():
+            # By the workers: where drawing off screen takes a process down, the study's results stand all the same.
+            pictures = gathered(engine, render.pictures, [(of_model, style) for of_model in shown])
+            return figures.gallery(list(zip(shown, pictures, strict=True)), rows, axes, style, title)
+
         if shown:
-            axes = {name: part.axis for name, part in parts(cfg).items()}
-            yield (
-                "gallery",
-                " ".join([cfg.gallery.style, *(trial.trial_id for trial in shown)]),
-                lambda: figures.gallery(shown, rows, axes, title, engine),
-            )
+            yield "gallery", " ".join([style, *(trial.trial_id for line in shown for trial in line)]), make
 
 
 def parts(cfg):

@@ -166,7 +166,7 @@ class Poses(Experiment):
         ]
 
     def curves(self, rows, tables, cfg, title):
-        return {cfg.study.name: figures.matrices(matrices(rows), title)}
+        return {cfg.study.name: figures.matrix(matrices(rows), title)}
 
 
 def matrices(rows):
