@@ -1,6 +1,7 @@
 """Trials on other machines, by dask.distributed: ``pip install 'heatwalk[dask]'``."""
 
 import contextlib
+import logging
 import multiprocessing
 import pickle
 import sys
@@ -55,6 +56,7 @@ class Dask:
 
     def run(self, function: Callable, tasks: Iterable) -> Iterator[tuple]:
         """(task, function(task) or Lost) for every task, as they finish."""
+        logging.getLogger("distributed").setLevel(logging.WARNING)  # not the coming and going of workers
         tasks = iter(tasks)
         name = f"studies-{uuid.uuid4().hex}"
         with contextlib.ExitStack() as stack:
