@@ -134,7 +134,7 @@ def walk(mesh, seg):
     pictures, left = [], []
     for step, (stands, share) in enumerate(zip(seg.walk.steps, shares, strict=True)):
         left.append(len(np.unique(stands)))
-        caption = f"step {step}: {left[-1]:,} groups\n{100 * share:.0f} % settled"
+        caption = f"step {step}: {left[-1]:,} groups\n{100 * share:.1f} % settled"
         pictures.append((surface(mesh, view, colours=_of_groups(seg.walk, stands)), caption))
     # Six steps to a row at most.
     lines = [pictures[i : i + 6] for i in range(0, len(pictures), 6)]
@@ -253,6 +253,6 @@ def _colour_bar(axes, low, high, unit):
     place = axes.inset_axes((0.15, -0.12 / height, 0.7, 0.07 / height))
     bar = axes.figure.colorbar(ScalarMappable(Normalize(low, high), FIELD_COLOURS), cax=place, orientation="horizontal")
     bar.set_ticks([low, (low + high) / 2, high])
-    bar.ax.set_xticklabels([f"{low:.2g}", unit, f"{high:.2g}"])
+    bar.ax.set_xticklabels([f"{low if low > high / 1000 else 0:.2g}", unit, f"{high:.2g}"])
     bar.ax.tick_params(length=2, pad=1, labelsize=7)
     bar.outline.set_linewidth(0.4)
