@@ -143,7 +143,8 @@ def test_every_style_draws_original_and_variant_in_tiles_of_one_size(cow, style,
         assert np.mean(np.abs(original.astype(int) - drawn) > 8) < 0.002
     if style == "on_original":
         assert (original[render.TILE[1] :] == 255).all()
-        assert np.array_equal(ink(original[: render.TILE[1]]), ink(drawn[: render.TILE[1]]))
+        # But for the outline's smoothed pixels, which are white to rounding in one colour and not in another.
+        assert np.mean(ink(original[: render.TILE[1]]) != ink(drawn[: render.TILE[1]])) < 0.002
 
 
 def test_a_style_or_a_choice_that_there_is_not_is_refused(cow, view):
