@@ -4,6 +4,8 @@ Every figure is as wide as one or two columns of a paper, in letters of 7 to 8 p
 PNG, pictures of surfaces as PNG of 300 dots an inch; drawn again, each has the same bytes.
 """
 
+import logging
+
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,6 +14,8 @@ from PIL import Image
 from studies.render import FIELD_COLOURS
 
 matplotlib.use("Agg")
+# Embedding letters in a PDF says at length what it leaves out of a font.
+logging.getLogger("fontTools").setLevel(logging.WARNING)
 
 ONE_COLUMN, TWO_COLUMNS = 3.4, 7.0  # inches
 DPI = 300
@@ -86,6 +90,8 @@ def curve(table, rows, axis, title):
 def panels(table, named, title):
     """A small curve of Change Percentage a part of the study, in one row, as for the paper's Table 2.
 
+    Each has its own scale of Change Percentage, since one perturbation changes ten times as much as another.
+
     Parameters
     ----------
     table : DataFrame from ``tables.summary``
@@ -96,7 +102,7 @@ def panels(table, named, title):
     # A part of one level needs less room than a curve.
     widths = [1.0 if len(part) > 1 else 0.45 for _, part in parts]
     figure = Figure(figsize=(TWO_COLUMNS if sum(widths) > 1.5 else ONE_COLUMN, 2.2), layout="constrained")
-    row = figure.subplots(1, len(parts), sharey=True, squeeze=False, width_ratios=widths)[0]
+    row = figure.subplots(1, len(parts), squeeze=False, width_ratios=widths)[0]
     for axes, (name, part) in zip(row, parts, strict=True):
         _levels(axes, part, "mean, 95 % interval")
         axes.plot(part["level"], part["median"], color=OURS, marker="_", ls=":", lw=0.8, ms=5, label="median")
@@ -105,8 +111,6 @@ def panels(table, named, title):
         if len(part) == 1:
             axes.set_xlim(part["level"].iloc[0] - 1, part["level"].iloc[0] + 1)
     row[0].set_ylabel("Change Percentage")
-    top = np.nanmax(table[["mean", "ci_high", "median", "paper"]].to_numpy(dtype=float), initial=0)
-    row[0].set_ylim(0, 1.05 * top if top > 0 else 1)
     figure.suptitle(title)
     # Of the first part that has all three.
     fullest = max(row, key=lambda axes: len(axes.get_legend_handles_labels()[0]))
@@ -283,8 +287,9 @@ def times(rows, intervals, title):
     title : str
     """
     counts = rows.pivot(index="model", columns="level", values="n_segments").astype(float)
-    figure = Figure(figsize=(TWO_COLUMNS, 2.4), layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.3, 1])
+    below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2)}
     shades = matplotlib.colormaps["Oranges"](np.linspace(0.3, 0.65, len(intervals)))
     for (first, last), shade in zip(intervals, shades, strict=True):
         left.axvspan(first, last, color=shade, alpha=0.4, lw=0, label=f"times {first:g} to {last:g}")
@@ -297,7 +302,7 @@ def times(rows, intervals, title):
     left.minorticks_off()
     left.set_ylim(bottom=0)
     left.set(xlabel=f"time ({_units(rows)} units)", ylabel="segments", title=f"Segments of {len(counts)} models")
-    left.legend(frameon=False)
+    left.legend(frameon=False, ncols=2, **below)
     left.grid()
     within = [counts.loc[:, first:last].nunique(axis=1) for first, last in intervals]
     most = max(count.max() for count in within)
@@ -308,7 +313,7 @@ def times(rows, intervals, title):
                   label=f"times {first:g} to {last:g}: {share[0]:.1f} % unchanged")  # fmt: skip
     right.set_xticks(np.arange(1, most + 1))
     right.set(xlabel="different numbers of segments of a model", ylabel="models (%)", title="Change within an interval")
-    right.legend(frameon=False)
+    right.legend(frameon=False, **below)
     figure.suptitle(title)
     return figure
 
@@ -322,7 +327,8 @@ def matrix(changes, title):
     changes : dict, shape -> square DataFrame whose rows and columns are its poses
     title : str
     """
-    figure = Figure(figsize=(TWO_COLUMNS, 0.75 + 6.0 / max(len(changes), 3)), layout="constrained")
+    square = min(2.0, (TWO_COLUMNS - 0.7) / len(changes))
+    figure = Figure(figsize=(0.7 + square * len(changes), 0.5 + square), layout="constrained")
     row = figure.subplots(1, len(changes), squeeze=False)[0]
     largest = max(np.nanmax(change.to_numpy(dtype=float)) for change in changes.values()) or 1
     for axes, (shape, change) in zip(row, changes.items(), strict=True):

@@ -68,6 +68,7 @@ def surface(
     view,
     *,
     labels=None,
+    colours=None,
     field=None,
     clim=None,
     points=None,
@@ -85,7 +86,9 @@ def surface(
     view : View
     labels : (n,) int array, optional
         a segment a vertex, each in the colour of ``heatwalk.files.label_colours``, the background (-1) in its grey.
-        Without labels and field the whole surface is grey.
+        Without labels, colours and field the whole surface is grey.
+    colours : (n, 3) uint8 array, optional
+        a colour a vertex instead; a face has that of its first corner
     field : (n,) float array, optional
         a function to show in ``FIELD_COLOURS`` instead
     clim : (low, high), optional
@@ -103,24 +106,21 @@ def surface(
     Raises
     ------
     ValueError
-        when labels and field are both given
+        when more than one of labels, colours and field is given
     """
-    if labels is not None and field is not None:
-        raise ValueError("a surface shows labels or a field, not both: leave one of them out")
+    if sum(shown is not None for shown in (labels, colours, field)) > 1:
+        raise ValueError("a surface shows labels, colours or a field: leave out the others")
     # In units of the picture, turned to the camera, which then looks along z: coordinates of any size draw alike.
     width, height = size
     unit = max(view.extent[0] / width, view.extent[1] / height) / (1 - 2 * MARGIN)
     vertices = (np.asarray(mesh.vertices) - view.centre) @ view.axes.T / unit
     shape = pyvista.PolyData.from_regular_faces(vertices, mesh.faces)
-    if field is None:
-        of_faces = faces_from_vertices(np.full(len(vertices), -1) if labels is None else labels, mesh.faces)
-        background = max(of_faces.max(), 0) + 1
-        shape.cell_data["colour"] = label_colours(np.where(of_faces < 0, background, of_faces), background)[:, :3]
-        colours = {"scalars": "colour", "rgb": True}
-    else:
+    if field is not None:
         shape.point_data["field"] = field
-        colours = {"scalars": "field", "cmap": FIELD_COLOURS, "clim": clim, "show_scalar_bar": False}
-        colours["interpolate_before_map"] = True
+        painted = {"scalars": "field", "cmap": FIELD_COLOURS, "clim": clim, "interpolate_before_map": True}
+    else:
+        shape.cell_data["colour"] = _of_segments(labels, mesh.faces) if colours is None else colours[mesh.faces[:, 0]]
+        painted = {"scalars": "colour", "rgb": True}
     if contour is not None:
         shape.point_data["contour"] = contour[0]
     if solid is not None:
@@ -144,8 +144,9 @@ def surface(
             tubes = shape.extract_cells(np.flatnonzero(solid)).extract_surface(algorithm=None)
             plotter.add_mesh(tubes, color="black", lighting=False)
         plotter.add_mesh(
-            _creased(rest), opacity=opacity, show_edges=edges, edge_opacity=0.5, line_width=1.0, **colours, **material
-        )
+            _creased(rest), opacity=opacity, show_edges=edges, edge_opacity=0.5, line_width=1.0,
+            show_scalar_bar=False, **painted, **material,
+        )  # fmt: skip
         if contour is not None:
             line = shape.contour([contour[1]], scalars="contour")
             if line.n_points:
@@ -162,6 +163,15 @@ def surface(
         image = plotter.screenshot(return_img=True)
         plotter.close()
     return image
+
+
+def _of_segments(labels, faces):
+    """(m, 3) uint8 array, a colour a face; all grey without labels."""
+    if labels is None:
+        labels = np.full(faces.max() + 1, -1)
+    of_faces = faces_from_vertices(labels, faces)
+    background = max(of_faces.max(), 0) + 1
+    return label_colours(np.where(of_faces < 0, background, of_faces), background)[:, :3]
 
 
 def _creased(shape):

@@ -15,6 +15,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, InstantiationException
 from omegaconf import DictConfig
 
+from studies.quoting import quoted
+
 # Swept options that already have a folder of their own in results_dir.
 OWN_FOLDER = ("study", "dataset")
 
@@ -25,6 +27,7 @@ class TrialsFailed(SystemExit):
 
 def main() -> None:
     """Hydra's own command line; where it refuses the options, the names that exist are said too."""
+    sys.argv[1:] = map(quoted, sys.argv[1:])
     try:
         run()
     except SystemExit as stop:

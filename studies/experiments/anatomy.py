@@ -6,8 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 import pandas as pd
+import trimesh
 
 from studies import plates, tables
+from studies.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.plan import StudyError, digest, identity
 from studies.segmenters import Segmenter
@@ -140,3 +142,54 @@ class Anatomy(Experiment):
             }
             for row in table.itertuples()
         ]
+
+    def surfaces(self, trials, rows, cfg, title, engine):
+        """The study's ``plates``: file stem -> which of ``PLATES``, and the models that it shows."""
+        good = set(rows.loc[rows["status"] == "ok", "model"])
+        by_name = {trial.model.name: trial for trial in trials if trial.model.name in good}
+        for stem, plate in cfg.plates.items():
+            if plate.shows not in PLATES:
+                raise StudyError(f"plates.{stem}.shows is {plate.shows!r}: choose one of {', '.join(PLATES)}")
+            names = _shown(plate.models, by_name)
+            if names:
+                shows = " ".join([plate.shows, *(by_name[name].trial_id for name in names)])
+                yield (
+                    stem,
+                    shows,
+                    lambda plate=plate, names=names: gathered(
+                        engine, _draw, [(plate.shows, [by_name[name] for name in names])]
+                    )[0],
+                )
+
+
+def _shown(models, by_name):
+    """The models of a plate: those named that are there; else the first; ``each_category``: the first of each."""
+    if models == "each_category":
+        return list({trial.model.category: name for name, trial in reversed(by_name.items())}.values())[::-1]
+    named = [str(name) for name in models or () if str(name) in by_name]
+    return named or list(by_name)[:1]
+
+
+def _draw(task):
+    """The figure of a plate: in a worker, since drawing off screen can take a process down."""
+    shows, trials = task
+    drawn = []
+    for trial in trials:
+        loaded = trial.prepare()
+        mesh = trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
+        drawn.append((trial, mesh, trial.segmenter.method.segmentation(mesh.vertices, mesh.faces)))
+    return PLATES[shows](drawn)
+
+
+def _showcase(drawn):
+    items = [(mesh, plates.segments(seg), f"{trial.model.category or trial.model.name}") for trial, mesh, seg in drawn]
+    return plates.showcase(items)[0]
+
+
+PLATES = {
+    "pipeline": lambda drawn: plates.pipeline(*drawn[0][1:])[0],
+    "diffusion": lambda drawn: plates.diffusion(*drawn[0][1:])[0],
+    "walk": lambda drawn: plates.walk(*drawn[0][1:])[0],
+    "divergences": lambda drawn: plates.divergences(*drawn[0][1:])[0],
+    "showcase": _showcase,
+}
