@@ -20,8 +20,8 @@ import numpy as np
 
 from heatwalk.compilation import compiled
 
-# Rows in a leaf. With 8 (more nodes) or 32 (more products), tree and search together take longer.
-LEAF = 16
+# Rows in a leaf. With 16, and so twice the nodes, tree and search together take a third longer.
+LEAF = 32
 
 # Axes of a node: two for the tangent plane; a third for the gap where both sides of a thin part lie in one node. A
 # fourth does not pay.
@@ -32,9 +32,10 @@ AXES = 3
 TAIL_SHARE = 1e-5
 HEAD_STEP = 8
 
-# Rows of a node that its axes are estimated from, and rounds of power iteration. The bounds hold for any axes.
+# Rows of a node that its axes are estimated from, and rounds of power iteration. The bounds hold for any axes, and a
+# second round costs more than it saves.
 SAMPLE = 32
-ROUNDS = 2
+ROUNDS = 1
 
 # What rounding may add to a product or a bound, relative to the product of the two lengths; also the share of a
 # vector's squared length below which what is left of it after a projection is rounding and has no direction.
