@@ -24,14 +24,14 @@ CLEAR = 0.7  # least cosine between the line of sight and the normal of a vertex
 def pipeline(mesh, seg):
     """Figure 1: the input, heat from a point, accumulator regions, and these with the dissipator region.
 
-    The point is the exemplar of the greatest heat potential.
+    The point is the exemplar nearest to the viewer, which nothing hides.
 
     Numbers
     -------
     vertices, exemplar (the point), accumulator_regions, dissipator_share (of the vertices)
     """
     view = view_of(np.asarray(mesh.vertices))
-    point = int(seg.exemplars[seg.kernel.diagonal()[seg.exemplars].argmax()])
+    point = int(seg.exemplars[(np.asarray(mesh.vertices)[seg.exemplars] @ view.axes[2]).argmax()])
     heat = _heat(seg.kernel, point)
     figure, axes = grid(
         [
@@ -177,7 +177,7 @@ def divergences(mesh, seg):
     return figure, {name: (float(field.min()), float(field.max())) for name, (field, _, _) in fields.items()}
 
 
-def showcase(items, columns=5):
+def showcase(items, columns=5, upright=1):
     """Figures 5, 6 and 7: segmented models or poses, each framed on its own.
 
     Colours mean the same part in two pictures only where the labels do (see ``render.named_as``).
@@ -186,6 +186,7 @@ def showcase(items, columns=5):
     ----------
     items : list of (mesh, (n,) int labels with -1 for the background, caption); the number of segments is put behind
     columns : int, pictures in a row
+    upright : 1 or 2, the vertical axis, as ``render.view_of`` takes it
 
     Numbers
     -------
@@ -194,7 +195,7 @@ def showcase(items, columns=5):
     pictures, counts = [], {}
     for mesh, labels, caption in items:
         counts[caption] = len(np.unique(labels))
-        drawn = surface(mesh, view_of(np.asarray(mesh.vertices)), labels=labels)
+        drawn = surface(mesh, view_of(np.asarray(mesh.vertices), upright), labels=labels)
         pictures.append((drawn, f"{caption} ({counts[caption]})"))
     figure, _ = grid([pictures[i : i + columns] for i in range(0, len(pictures), columns)])
     return figure, {"segments": counts}

@@ -35,20 +35,21 @@ class View:
     extent: np.ndarray
 
 
-def view_of(vertices):
+def view_of(vertices, upright=1):
     """The view of a shape, framed on it: View.
 
-    Across the direction in which it is thinnest, so that it spreads before the camera; upright by the coordinate axis
-    (y, as most models have it, else z) that is then nearer to the vertical.
+    Across the direction in which it is thinnest, so that it spreads before the camera; upright along the given
+    axis, or where that points at the camera along the other of y and z.
 
     Parameters
     ----------
     vertices : (n, 3) float array
+    upright : 1 or 2, the axis y, as most models have it, or z, as those of TOSCA have it
     """
     centred = vertices - vertices.mean(axis=0)
     _, axes = np.linalg.eigh(centred.T @ centred)
     towards = axes[:, 0] * np.sign(axes[np.abs(axes[:, 0]).argmax(), 0])
-    up = np.eye(3)[1] if abs(towards[1]) < 0.7 else np.eye(3)[2]
+    up = np.eye(3)[upright if abs(towards[upright]) < 0.7 else 3 - upright]
     up = up - towards * (towards @ up)
     up /= np.linalg.norm(up)
     tilt = np.deg2rad(TILT)
