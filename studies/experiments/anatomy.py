@@ -72,7 +72,7 @@ class Anatomy(Experiment):
     )
 
     def narrow(self, table):
-        return tuple(self.headings)
+        return ("what", "mean", "interval", "paper", "n")
 
     def claims(self, tables, cfg):
         return [
@@ -182,7 +182,12 @@ def _draw(task):
 
 
 def _showcase(drawn):
-    items = [(mesh, plates.segments(seg), f"{trial.model.category or trial.model.name}") for trial, mesh, seg in drawn]
+    categories = [trial.model.category for trial, *_ in drawn]
+    by_category = all(categories) and len(set(categories)) == len(categories)
+    items = [
+        (mesh, plates.segments(seg), trial.model.category if by_category else trial.model.name)
+        for trial, mesh, seg in drawn
+    ]
     return plates.showcase(items)[0]
 
 

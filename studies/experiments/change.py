@@ -169,7 +169,7 @@ class Change(Experiment):
     def curves(self, rows, tables, cfg, title):
         if len(parts(cfg)) > 1:
             named = {name: (part.title, part.axis) for name, part in parts(cfg).items()}
-            return {cfg.study.name: figures.panels(tables["table"], rows, named, title)}
+            return {cfg.study.name: figures.panels(tables["table"], named, title)}
         return {cfg.study.name: figures.curve(tables["table"], rows, cfg.axis, title)}
 
     def surfaces(self, trials, rows, cfg, title, engine):
