@@ -135,7 +135,7 @@ def _levels(axes, table, label):
     # A level too near to the one before, for the letters, keeps its tick without its number.
     texts, last = [], -np.inf
     for level in levels:
-        near = level - last < 0.09 * np.ptp(levels)
+        near = level - last < 0.16 * np.ptp(levels)
         texts.append("" if near else f"{level:g}")
         last = last if near else level
     axes.set_xticks(levels, texts)
@@ -300,7 +300,8 @@ def times(rows, intervals, title):
     ticks = [time for time in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20) if counts.columns[0] <= time <= counts.columns[-1]]
     left.set_xticks(ticks, [f"{time:g}" for time in ticks])
     left.minorticks_off()
-    left.set_ylim(bottom=0)
+    # From hundreds of segments at short times to a handful.
+    left.set_yscale("log")
     left.set(xlabel=f"time ({_units(rows)} units)", ylabel="segments", title=f"Segments of {len(counts)} models")
     left.legend(frameon=False, ncols=2, **below)
     left.grid()

@@ -13,7 +13,6 @@ from studies.datasets.bundled import Bundled
 from studies.experiments.change import Reference, Variant
 from studies.render import STYLES, added_faces, framed, named_as, pictures, surface, view_of
 from studies.segmenters.heat_walk import HeatWalk
-from studies.trial import Reference
 
 
 @pytest.fixture(scope="module")
