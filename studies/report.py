@@ -4,6 +4,7 @@ Nothing is computed anew: every figure on the page comes from the trials that li
 """
 
 import argparse
+import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,18 +19,20 @@ PAPERS_DATASETS = ("psb", "tosca")
 
 @dataclass(frozen=True)
 class Stored:
-    """A study's results: its folder, its configuration, its rows and the kind of study that it is."""
+    """A study's results: its folder, its configuration, its rows, its kind, and the command that made it."""
 
     folder: Path
     cfg: object
     rows: pd.DataFrame
     experiment: object
+    command: str
 
     @classmethod
     def load(cls, folder):
         cfg = OmegaConf.load(folder / "config.yaml")
         rows = pd.read_parquet(folder / "trials.parquet")
-        return cls(folder, cfg, rows, hydra.utils.instantiate(cfg.experiment))
+        command = json.loads((folder / "provenance.json").read_text())["command"]
+        return cls(folder, cfg, rows, hydra.utils.instantiate(cfg.experiment), command)
 
 
 def stored(results):
@@ -116,9 +119,7 @@ def _section(study, results):
     ]
     for picture in sorted(study.folder.glob("*.png")):
         lines += [f"![{cfg.title}: {picture.stem.replace('_', ' ')}]({folder}/{picture.name})", ""]
-    if cfg.get("command"):
-        lines += ["```", cfg.command, "```"]
-    return lines
+    return [*lines, "```", study.command, "```"]
 
 
 def _anchor(study):
