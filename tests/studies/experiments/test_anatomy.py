@@ -3,8 +3,10 @@ import pandas as pd
 import pytest
 
 import heatwalk
+from studies.engine import Serial
 from studies.experiments import Anatomy
 from studies.plan import StudyError, plan
+from tests.meshes import bundled
 
 
 def test_a_row_counts_the_steps_of_the_walk_and_who_has_settled_after_each(composed, run_trials):
@@ -40,3 +42,31 @@ def test_the_table_holds_the_papers_share_beside_ours(composed):
 def test_the_walk_of_another_method_is_an_error(composed):
     with pytest.raises(StudyError, match="looks inside the Heat Walk"):
         plan(composed("+study=anatomy", "segmenter=custom", "segmenter._target_=numpy.zeros"))
+
+
+def test_plates_show_the_named_models_that_are_there_and_else_the_first(composed, run_trials, tmp_path):
+    for name in ("one", "two"):
+        bundled("ant").export(tmp_path / f"{name}.off")
+    cfg = composed("+study=anatomy", "dataset=files", f"dataset.glob={tmp_path}")
+    cfg.plates = {
+        "steps": {"shows": "walk", "models": ["two", "three"]},
+        "all": {"shows": "showcase", "models": []},
+    }
+    planned = plan(cfg)
+    rows = run_trials(planned, Anatomy.columns)
+    made = {stem: (shows, make) for stem, shows, make in Anatomy().surfaces(planned, rows, cfg, "", Serial())}
+    ids = {trial.model.name: trial.trial_id for trial in planned}
+    assert {stem: shows for stem, (shows, _) in made.items()} == {
+        "steps": f"walk {ids['two']}",
+        "all": f"showcase {ids['one']}",
+    }
+    figure = made["steps"][1]()
+    assert len(figure.axes) == rows["n_steps"][0] + 1
+
+
+def test_a_plate_that_there_is_not_is_an_error(composed, run_trials):
+    cfg = composed("+study=anatomy", "dataset.models=[cow]", "plates.figure1.shows=nothing")
+    planned = plan(cfg)
+    rows = run_trials(planned, Anatomy.columns)
+    with pytest.raises(StudyError, match="choose one of pipeline"):
+        list(Anatomy().surfaces(planned, rows, cfg, "", Serial()))
