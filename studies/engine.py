@@ -4,7 +4,8 @@
 of them at once, None where that is not known before; ``engine.remote`` says whether they may be worked on where the
 files of this machine are not seen. `studies.cluster` has the engine for other machines.
 
-Tasks are taken a few at a time, so that an iterator that makes them (and reads their meshes) on demand holds few of them.
+Tasks are taken a few at a time, so that an iterator that makes them (and reads their meshes) on demand holds few of
+them.
 """
 
 import concurrent.futures
