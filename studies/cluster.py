@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import ClassVar
 
 import hydra.utils
 
@@ -38,6 +39,7 @@ class Dask:
     timeout, memory : of one task, as for `Local`
     """
 
+    remote: ClassVar[bool] = True
     address: str | None = None
     cluster: Mapping | None = None
     workers: int | None = None
@@ -53,6 +55,10 @@ class Dask:
                 "and 'engine.cluster={_target_:dask_jobqueue.SLURMCluster,…}'"
             )
         check_limits(self.timeout, self.memory)
+
+    @property
+    def processes(self) -> int | None:
+        return self.workers
 
     def run(self, function: Callable, tasks: Iterable) -> Iterator[tuple]:
         """(task, function(task) or Lost) for every task, as they finish."""

@@ -1,10 +1,11 @@
 """Where trials run. A trial does not know: ``engine.run(function, tasks)`` gives (task, outcome) as they finish.
 
-``engine.active()`` gives the tasks that are being worked on, to whichever thread asks. `studies.cluster` has the engine
-for other machines.
+``engine.active()`` gives the tasks that are being worked on, to whichever thread asks; ``engine.processes`` is how many
+of them at once, None where that is not known before; ``engine.remote`` says whether they may be worked on where the
+files of this machine are not seen. `studies.cluster` has the engine for other machines.
 
-What a task needs travels with it, its mesh too: a worker may not see the files that the head process sees. Tasks are
-taken a few at a time, so that an iterator that makes them (and reads their meshes) on demand holds few of them.
+Tasks are taken a few at a time, so that an iterator that makes them (and reads their meshes) on demand holds few of
+them.
 """
 
 import concurrent.futures
@@ -19,6 +20,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import ClassVar
 
 import numpy as np
 import pebble
@@ -60,9 +62,21 @@ def _apply(numbered):
 
 @dataclass(frozen=True)
 class Serial:
-    """One task after the other, in this process."""
+    """One task after the other, in this process, which can set no limits to itself: both must be None."""
 
+    remote: ClassVar[bool] = False
+    timeout: None = None
+    memory: None = None
     _at_work: list = field(default_factory=list, init=False, repr=False, compare=False)
+
+    def __post_init__(self):
+        for limit in ("timeout", "memory"):
+            if getattr(self, limit) is not None:
+                raise ValueError(f"trial.{limit} is {getattr(self, limit)!r}, and engine=serial sets no limits: null")
+
+    @property
+    def processes(self) -> int:
+        return 1
 
     def run(self, function: Callable, tasks: Iterable) -> Iterator[tuple]:
         """(task, function(task)) for every task, in order."""
@@ -85,6 +99,7 @@ class Local:
     memory : what a worker and the programs that it runs may hold, in bytes or as in "2 GB"; None for no limit
     """
 
+    remote: ClassVar[bool] = False
     workers: int | None = None
     timeout: float | None = None
     memory: int | str | None = None
@@ -95,9 +110,13 @@ class Local:
             raise ValueError(f"engine.workers is {self.workers!r}: give a whole number of at least 1, or null")
         check_limits(self.timeout, self.memory)
 
+    @property
+    def processes(self) -> int:
+        return self.workers or len(os.sched_getaffinity(0))
+
     def run(self, function: Callable, tasks: Iterable) -> Iterator[tuple]:
         """(task, function(task) or Lost) for every task, as they finish."""
-        workers = self.workers or len(os.sched_getaffinity(0))
+        workers = self.processes
         tasks = iter(tasks)
         processes = Processes(pickle.dumps(function), workers, self.timeout, self.memory)
         try:
@@ -150,12 +169,12 @@ class Processes:
         try:
             return future.result()
         except TimeoutError:
-            return Lost("timeout", f"took longer than engine.timeout={self._timeout:g} seconds")
+            return Lost("timeout", f"took longer than trial.timeout={self._timeout:g} seconds")
         except pebble.ProcessExpired as error:
             if error.pid not in self._too_large:
                 return Lost("crashed", f"its process died with exit code {error.exitcode}")
             self._too_large.remove(error.pid)
-            return Lost("crashed", f"out of memory: it held more than engine.memory={self._memory}")
+            return Lost("crashed", f"out of memory: it held more than trial.memory={self._memory}")
 
     def close(self):
         self._closed.set()
@@ -189,9 +208,9 @@ class Processes:
 
 
 def check_limits(timeout, memory):
-    """Raise ValueError for limits of an engine that are none."""
+    """Raise ValueError for limits of a trial that are none."""
     if timeout is not None and not timeout > 0:
-        raise ValueError(f"engine.timeout is {timeout!r}: give a number of seconds above 0, or null")
+        raise ValueError(f"trial.timeout is {timeout!r}: give a number of seconds above 0, or null")
     if memory is not None:
         parse_bytes(memory)
 
@@ -204,7 +223,7 @@ def parse_bytes(memory):
     except (TypeError, ValueError):  # no match, or no number
         size = 0
     if size < 1:
-        raise ValueError(f"engine.memory is {memory!r}: give bytes, or as in '2 GB', or null")
+        raise ValueError(f"trial.memory is {memory!r}: give bytes, or as in '2 GB', or null")
     return int(size)
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from studies.render import FIELD_COLOURS
+from studies.store import replacing
 
 matplotlib.use("Agg")
 # Embedding letters in a PDF says at length what it leaves out of a font.
@@ -52,9 +53,11 @@ def save(figure, path, shows=None):
     shows : str, optional, written into the PNG as what its pictures show
     """
     # No dates and no versions of the software: the same figure has the same bytes.
-    figure.savefig(path, dpi=DPI, metadata={"Software": None} | ({} if shows is None else {"Shows": shows}))
+    with replacing(path) as part:
+        figure.savefig(part, dpi=DPI, metadata={"Software": None} | ({} if shows is None else {"Shows": shows}))
     if shows is None:
-        figure.savefig(path.with_suffix(".pdf"), metadata={"CreationDate": None, "Creator": None, "Producer": None})
+        with replacing(path.with_suffix(".pdf")) as part:
+            figure.savefig(part, metadata={"CreationDate": None, "Creator": None, "Producer": None})
 
 
 @matplotlib.rc_context(STYLE)

@@ -13,6 +13,8 @@ import hydra.utils
 import pandas as pd
 from omegaconf import OmegaConf
 
+from studies import store
+
 # What the paper's own experiments were made on; its claims are compared with no others.
 PAPERS_DATASETS = ("psb", "tosca")
 
@@ -30,15 +32,18 @@ class Stored:
     @classmethod
     def load(cls, folder):
         cfg = OmegaConf.load(folder / "config.yaml")
-        rows = pd.read_parquet(folder / "trials.parquet")
+        experiment = hydra.utils.instantiate(cfg.experiment)
         command = json.loads((folder / "provenance.json").read_text())["command"]
-        return cls(folder, cfg, rows, hydra.utils.instantiate(cfg.experiment), command)
+        return cls(folder, cfg, store.stored(folder, experiment.columns), experiment, command)
 
 
 def stored(results):
-    """Every study under ``results``, in the order of the paper's sections."""
-    found = [Stored.load(path.parent) for path in sorted(Path(results).rglob("trials.parquet"))]
-    return sorted(found, key=lambda study: (str(study.cfg.study.section), study.folder.as_posix()))
+    """Every study under ``results`` that has rows, in the order of the paper's sections."""
+    found = [Stored.load(folder) for folder in store.folders(results) if (folder / "config.yaml").exists()]
+    return sorted(
+        (study for study in found if not study.rows.empty),
+        key=lambda study: (str(study.cfg.study.section), study.folder.as_posix()),
+    )
 
 
 def page(studies, results):
@@ -137,12 +142,13 @@ def main(arguments=None):
 
     found = stored(results)
     if not found:
-        print(f"studies.report: error: there is no trials.parquet under {results}", file=sys.stderr)
+        print(f"studies.report: error: there are no rows of a study under {results}", file=sys.stderr)
         return 2
     console = Console()
     for study in found:
         show.write(study.experiment, study.cfg, study.folder, study.rows, console)
-    (results / "README.md").write_text(page(found, results))
+    with store.replacing(results / "README.md") as path:
+        path.write_text(page(found, results))
     console.print(f"{len(found)} studies; the page is {results / 'README.md'}", highlight=False, soft_wrap=True)
     return 0
 

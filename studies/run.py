@@ -5,7 +5,7 @@ module again, and `--help` should not wait for them.
 """
 
 import sys
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import hydra
@@ -13,12 +13,15 @@ from hydra import compose, initialize_config_module
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, InstantiationException
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from studies.quoting import quoted
 
 # Swept options that already have a folder of their own in results_dir.
 OWN_FOLDER = ("study", "dataset")
+
+ON_ERROR = ("continue", "stop")
+INTERRUPTED = "interrupted"
 
 
 class TrialsFailed(SystemExit):
@@ -47,12 +50,15 @@ def run(cfg: DictConfig) -> None:
         _stop(_message(error.__cause__ or error))
     except (ValueError, OSError) as error:
         _stop(_message(error))
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)
     if not complete:
         raise TrialsFailed(1)
 
 
 def run_study(cfg, subfolder=""):
-    """Run what is not stored yet of a study, and write its table, pictures and provenance.
+    """Run what is not stored yet of a study, and write its table, pictures and provenance; or print what that would be.
 
     Parameters
     ----------
@@ -65,33 +71,42 @@ def run_study(cfg, subfolder=""):
     """
     from rich.console import Console
 
-    from studies import show
+    from studies import progress, show
     from studies.plan import plan
-    from studies.store import Store
+    from studies.store import Rows, Store
 
+    if cfg.on_error not in ON_ERROR:
+        raise ValueError(f"on_error is {cfg.on_error!r}: give one of {', '.join(ON_ERROR)}")
     console = Console()
     experiment = hydra.utils.instantiate(cfg.experiment)
     trials = plan(cfg)
-    title = f"{cfg.title} on {trials[0].dataset}"
     folder = Path(str(cfg.results_dir)) / trials[0].study / trials[0].dataset / subfolder
     engine = hydra.utils.instantiate(cfg.engine)
-    with Store(folder) as store:
+    console.print(f"{cfg.title} on {trials[0].dataset}: {len(trials):,} trials", highlight=False)
+    if cfg.dry_run:
+        stored = None if cfg.fresh else Rows(folder)
+        missing = _missing(trials, stored, cfg.retry_failed)
+        progress.show_plan(trials, missing, stored, _elsewhere(cfg, folder, missing), engine, console)
+        return True
+    with Store(folder, cfg.fresh) as store:
+        if store.aside:
+            console.print(f"  moved aside: {store.aside}", highlight=False, soft_wrap=True)
         if store.damaged:
-            console.print(f"{store.path}: {store.damaged} damaged rows left out; their trials run again")
-        missing = [trial for trial in trials if trial.trial_id not in store.rows]
-        console.print(
-            f"{title}: {len(trials)} trials"
-            + (f", {len(trials) - len(missing)} of them stored already" if len(missing) < len(trials) else "")
-        )
-        interrupted = _run_missing(engine, missing, store, console)
+            console.print(f"  {store.path}: {store.damaged} damaged rows left out; their trials run again")
+        missing = _missing(trials, store, cfg.retry_failed)
+        if len(missing) < len(trials):
+            console.print(f"  {len(trials) - len(missing):,} of them stored already", highlight=False)
+        _take_over(_elsewhere(cfg, folder, missing), missing, store, console)
+        # Now and not at the end, so that a study that is killed can be shown.
+        show.write_origin(cfg, folder, trials)
+        store.plan(trial.trial_id for trial in trials)
+        end = _run_missing(engine, _missing(trials, store, cfg.retry_failed), store, console, cfg.on_error == "stop")
         rows = store.frame([trial.trial_id for trial in trials], experiment.columns)
-    if rows.empty:
-        _stop("interrupted before the first trial was done")
-    show.write(experiment, cfg, folder, rows, console)
-    show.write_origin(cfg, folder, trials)
-    if not interrupted:
-        show.draw(experiment, cfg, folder, trials, rows, engine, console)
-    console.print(f"written to {folder}", highlight=False, soft_wrap=True)
+        if not rows.empty:
+            show.write(experiment, cfg, folder, rows, console)
+            if not end:
+                show.draw(experiment, cfg, folder, trials, rows, engine, console)
+            console.print(f"written to {folder}", highlight=False, soft_wrap=True)
     failures = int((rows["status"] != "ok").sum())
     if failures:
         console.print(
@@ -99,56 +114,65 @@ def run_study(cfg, subfolder=""):
         )
         for error, count in rows["error"].value_counts().head(5).items():
             console.print(f"  {count} × {error}", markup=False, highlight=False, soft_wrap=True)
-    if interrupted:
-        console.print("interrupted; what was done is stored, and the same command goes on from there")
+    if end:
+        console.print(f"{end}; what was done is stored, and the same command goes on from there")
+    if end == INTERRUPTED:
         sys.exit(130)
     return failures == 0
 
 
-def _run_missing(engine, missing, store, console):
-    """Run the trials that are not stored; True if interrupted by Ctrl-C."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+def _missing(trials, stored, retry_failed):
+    """The trials that are to be run, of which ``stored`` (Rows, or None) has no row, or none that will do."""
+    status = stored.status if stored else {}
+    return [t for t in trials if t.trial_id not in status or (retry_failed and status[t.trial_id] != "ok")]
 
+
+def _elsewhere(cfg, folder, missing):
+    """Where rows of missing trials stand already; nowhere for who wants to start over."""
+    from studies.store import elsewhere
+
+    return {} if cfg.fresh else elsewhere(cfg.results_dir, folder, [trial.trial_id for trial in missing])
+
+
+def _take_over(found, missing, store, console):
+    """Store the rows of missing trials that other studies had run, as this study's."""
+    from studies.store import fetch
+    from studies.trial import empty_row
+
+    by_id = {trial.trial_id: trial for trial in missing} if found else {}
+    for path, trial_ids in found.items():
+        store.add_all(
+            row | {key: value for key, value in empty_row(by_id[row["trial_id"]]).items() if value is not None}
+            for row in fetch(path, trial_ids)
+        )
+        console.print(f"  {len(trial_ids):,} of them taken over from {path}", highlight=False, soft_wrap=True)
+
+
+def _run_missing(engine, missing, store, console, stop):
+    """Run trials and store their rows; why it ended before all were run, if it did.
+
+    stop : bool, whether to end at the first trial that fails
+    """
     from studies import schedule
+    from studies.progress import Progress
 
-    columns = (
-        TextColumn("trials"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        TextColumn("[red]{task.fields[failures]}"),
-    )
     if not missing:
-        return False
-    failed = 0
+        return ""
+    tasks = schedule.Schedule(missing, engine.remote)
     try:
-        with Progress(*columns, console=console) as progress:
-            bar = progress.add_task("trials", total=len(missing), rate="", failures="")
-            tasks = schedule.Schedule(missing)
-            for task, outcome in engine.run(schedule.execute, tasks):
+        with (
+            Progress(len(missing), engine, console) as progress,
+            closing(engine.run(schedule.execute, tasks)) as outcomes,
+        ):
+            for task, outcome in outcomes:
                 for row in tasks.rows(task, outcome):
                     store.add(row)
-                    failed += row["status"] != "ok"
-                    speed = progress.tasks[bar].finished_speed or progress.tasks[bar].speed
-                    progress.update(
-                        bar,
-                        advance=1,
-                        rate=f"{speed:.1f}/s" if speed else "",
-                        failures=f"{failed} failed" if failed else "",
-                    )
+                    progress.count(row["status"])
+                    if stop and row["status"] != "ok":
+                        return "stopped at a trial that failed (on_error=stop)"
     except KeyboardInterrupt:
-        return True
-    return False
+        return INTERRUPTED
+    return ""
 
 
 def _swept():
@@ -170,7 +194,8 @@ def _options():
                 for key, node in cfg.items_ex(resolve=False)
                 if key != "study"
                 for name in (node if isinstance(node, DictConfig) else [""])
-                if not name.startswith("_")
+                if not str(name).startswith("_")
+                if not (name and OmegaConf.is_interpolation(node, name))  # it is an option elsewhere
             ]
 
 

@@ -1,10 +1,12 @@
 """In which order the trials of a study are run: what several share is prepared first, once, and handed to each."""
 
+import time
 from collections import deque
 from dataclasses import dataclass
 from itertools import groupby
 
 from studies import trial as trials
+from studies.datasets.carried import carried
 from studies.engine import Lost
 from studies.trial import Trial
 
@@ -16,26 +18,39 @@ class Preparation:
     trial: Trial
 
     def __call__(self):
+        start = time.perf_counter()
         try:
-            return Prepared(self.trial.prepare())
+            return Prepared(self.trial.prepare(), time.perf_counter() - start)
         except Exception as error:
             return Lost("failed", trials.reason(error))
+
+    def __str__(self):
+        return f"{self.trial.model.name}"
 
 
 @dataclass(frozen=True)
 class Prepared:
+    """What a group shares, and the seconds that it took: of one trial, its share of them."""
+
     value: object
+    seconds: float
 
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """The task of measuring one trial."""
+    """The task of measuring one trial. Its row has ``seconds`` too, to estimate by what others will take."""
 
     trial: Trial
     prepared: Prepared
 
     def __call__(self):
-        return trials.run(self.trial, self.prepared.value)
+        start = time.perf_counter()
+        row = trials.run(self.trial, self.prepared.value)
+        return row | {"seconds": self.prepared.seconds + time.perf_counter() - start}
+
+    def __str__(self):
+        trial = self.trial
+        return f"{trial.model.name} {trial.part} {trial.level:g} #{trial.repeat}"
 
 
 def execute(task):
@@ -52,10 +67,12 @@ class Schedule:
     Parameters
     ----------
     planned : iterable of Trial, those that share a preparation one after the other
+    remote : bool, whether preparations carry the content of their models, because workers may not see the files
     """
 
-    def __init__(self, planned):
+    def __init__(self, planned, remote=False):
         self._groups = (list(group) for _, group in groupby(planned, key=lambda trial: trial.shares))
+        self._remote = remote
         self._waiting = {}
         self._ready = deque()
 
@@ -66,7 +83,7 @@ class Schedule:
         if self._ready:
             return self._ready.popleft()
         group = next(self._groups)
-        task = Preparation(group[0])
+        task = Preparation(carried(group[0]) if self._remote else group[0])
         self._waiting[task] = group
         return task
 
@@ -79,5 +96,6 @@ class Schedule:
         group = self._waiting.pop(task)
         if isinstance(outcome, Lost):
             return [trials.failed_row(trial, outcome.status, outcome.reason) for trial in group]
-        self._ready.extend(Measurement(trial, outcome) for trial in group)
+        shared = Prepared(outcome.value, outcome.seconds / len(group))
+        self._ready.extend(Measurement(trial, shared) for trial in group)
         return []

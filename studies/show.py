@@ -16,6 +16,7 @@ from rich.table import Table
 import heatwalk
 from studies import figures, tables
 from studies.engine import LostError
+from studies.store import TABLE, replacing
 
 CODE = ("../heatwalk", "../perturb", "../studies", "../conf")
 PACKAGES = ("numpy", "scipy", "trimesh", "pymeshlab", "fast-simplification", "pandas", "hydra-core")
@@ -33,13 +34,16 @@ def write(experiment, cfg, folder, rows, console):
     console : rich.console.Console
     """
     title = f"{cfg.title} on {rows['dataset'].iloc[0]}"
-    rows.to_parquet(folder / "trials.parquet", index=False)
+    with replacing(folder / TABLE) as path:
+        rows.to_parquet(path, index=False)
     made = experiment.tables(rows, cfg)
     for stem, table in made.items():
-        table.to_csv(folder / f"{stem}.csv", index=False, float_format="%.6g")
+        with replacing(folder / f"{stem}.csv") as path:
+            table.to_csv(path, index=False, float_format="%.6g")
     table = next(iter(made.values()))
     shown = experiment.display(table)
-    (folder / "table.md").write_text(tables.markdown(title, experiment.headings, shown, experiment.notes))
+    with replacing(folder / "table.md") as path:
+        path.write_text(tables.markdown(title, experiment.headings, shown, experiment.notes))
     for stem, figure in experiment.curves(rows, made, cfg, title).items():
         figures.save(figure, folder / f"{stem}.png")
     console.print(_terminal_table(title, experiment, shown, experiment.narrow(table)))
@@ -47,8 +51,10 @@ def write(experiment, cfg, folder, rows, console):
 
 def write_origin(cfg, folder, trials):
     """Write what was run, and what it was made with and from."""
-    OmegaConf.save(cfg, folder / "config.yaml", resolve=True)
-    (folder / "provenance.json").write_text(json.dumps(_provenance(trials), indent=2) + "\n")
+    with replacing(folder / "config.yaml") as path:
+        OmegaConf.save(cfg, path, resolve=True)
+    with replacing(folder / "provenance.json") as path:
+        path.write_text(json.dumps(_provenance(trials), indent=2) + "\n")
 
 
 def draw(experiment, cfg, folder, trials, rows, engine, console):

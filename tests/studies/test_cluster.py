@@ -67,7 +67,7 @@ def test_a_task_that_crashes_or_hangs_costs_itself_only_and_no_worker(scheduler)
     assert outcomes.pop(3) == Lost("crashed", "its process died with exit code -6")
     assert outcomes == {x: x for x in range(8) if x != 3}
     outcomes = dict(Dask(scheduler[0], timeout=2).run(hang_at_three, range(8)))
-    assert outcomes.pop(3) == Lost("timeout", "took longer than engine.timeout=2 seconds")
+    assert outcomes.pop(3) == Lost("timeout", "took longer than trial.timeout=2 seconds")
     assert outcomes == {x: x for x in range(8) if x != 3}
     assert before == {child.pid for worker in scheduler[1] for child in psutil.Process(worker.pid).children()}
 

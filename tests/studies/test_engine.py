@@ -84,7 +84,7 @@ def test_a_worker_that_dies_costs_its_own_task_only():
 
 def test_a_worker_that_hangs_costs_its_own_task_only():
     outcomes = dict(Local(workers=2, timeout=1).run(hang_at_three, range(8)))
-    assert outcomes.pop(3) == Lost("timeout", "took longer than engine.timeout=1 seconds")
+    assert outcomes.pop(3) == Lost("timeout", "took longer than trial.timeout=1 seconds")
     assert outcomes == {x: x for x in range(8) if x != 3}
 
 
@@ -92,7 +92,7 @@ def test_a_task_that_takes_all_memory_costs_itself_only_and_ends_with_what_it_st
     program = tmp_path / "program"
     large, small = ["by and by", "in one call", str(program)], ["a", "b", "c"]
     outcomes = dict(Local(workers=2, timeout=60, memory="700 MB").run(fill_memory, [*large, *small]))
-    too_large = Lost("crashed", "out of memory: it held more than engine.memory=700 MB")
+    too_large = Lost("crashed", "out of memory: it held more than trial.memory=700 MB")
     assert outcomes == dict.fromkeys(large, too_large) | {x: x for x in small}
     wait_for(lambda: not psutil.pid_exists(int(program.read_text())))
 
@@ -177,11 +177,17 @@ def test_memory_is_bytes_or_a_number_with_its_unit(memory, size):
         ({"workers": 0}, "engine.workers is 0"),
         ({"workers": 1.5}, "engine.workers is 1.5"),
         ({"timeout": -1}, "is -1"),
-        ({"memory": "much"}, "engine.memory is 'much'"),
-        ({"memory": "1.2.3 GB"}, "engine.memory is '1.2.3 GB'"),
-        ({"memory": 0}, "engine.memory is 0"),
+        ({"memory": "much"}, "trial.memory is 'much'"),
+        ({"memory": "1.2.3 GB"}, "trial.memory is '1.2.3 GB'"),
+        ({"memory": 0}, "trial.memory is 0"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         Local(**options)
+
+
+@pytest.mark.parametrize(("limit", "value"), [("timeout", 5), ("memory", "2GB")])
+def test_one_process_that_cannot_stop_itself_takes_no_limits(limit, value):
+    with pytest.raises(ValueError, match=rf"trial\.{limit} is .* engine=serial sets no limits"):
+        Serial(**{limit: value})

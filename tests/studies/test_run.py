@@ -55,7 +55,7 @@ def test_it_leaves_what_the_documentation_lists_and_nothing_else(small_study):
     assert {path.name for path in results.iterdir()} == {
         "trials.jsonl", "trials.parquet", "table.csv", "table.md", "shot_noise.png", "shot_noise.pdf",
         "gallery.png",
-        "config.yaml", "provenance.json",
+        "config.yaml", "provenance.json", "planned.txt",
     }  # fmt: skip
     assert {path.name for path in results.parents[2].iterdir()} == {"ant.off", "results"}
 

@@ -156,7 +156,7 @@ class Segment:
 def test_a_program_ends_with_a_worker_whose_time_ran_out(program, ant, tmp_path):
     slow, note = external(program(LINGERS, f"'{tmp_path}/note'")), tmp_path / "note"
     outcome = dict(Local(workers=1, timeout=3).run(Segment(ant), [slow]))
-    assert outcome == {slow: Lost("timeout", "took longer than engine.timeout=3 seconds")}
+    assert outcome == {slow: Lost("timeout", "took longer than trial.timeout=3 seconds")}
     wait_until_gone(note)
 
 
