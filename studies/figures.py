@@ -134,7 +134,7 @@ def _levels(axes, table, label):
             table["level"], table["paper"], color=PAPER, marker="s", ms=3, ls="--", lw=1.0, label="the paper", zorder=4,
             clip_on=False,
         )  # fmt: skip
-    levels = table["level"].to_numpy(dtype=float)
+    levels = np.sort(table["level"].to_numpy(dtype=float))
     # A level too near to the one before, for the letters, keeps its tick without its number.
     texts, last = [], -np.inf
     for level in levels:
