@@ -128,3 +128,31 @@ def test_a_scheduler_that_is_not_there_is_an_error():
 
     with dask.config.set({"distributed.comm.timeouts.connect": "1s"}), pytest.raises(OSError, match=r"127\.0\.0\.1:1"):
         list(Dask("tcp://127.0.0.1:1").run(square, [1]))
+
+
+def test_meshes_reach_workers_that_do_not_see_their_files(scheduler, tmp_path, composed):
+    path = tmp_path / "ant.off"
+    bundled("ant").export(path)
+    (tmp_path / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n")
+    planned = plan(
+        composed(
+            "+study=normal_noise", "dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1,0.2]", "repeats=2",
+            "segmenter=custom", "segmenter._target_=tests.studies.segmenting.halves",
+        )
+    )  # fmt: skip
+    expected = rows_of(Schedule(planned), Serial())
+    seen = Schedule(planned, remote=True)
+    engine, rows, hidden = Dask(scheduler[0]), {}, tmp_path.with_name("hidden")
+    read = [pickle.loads(pickle.dumps(task)) for task in seen]  # as they are sent
+    tmp_path.rename(hidden)
+    try:
+        sent = dict(zip(read, list(seen._waiting), strict=True))
+        for task, outcome in engine.run(execute, read):
+            seen.rows(sent[task], outcome)
+        for task, outcome in engine.run(execute, seen):
+            rows |= {row["trial_id"]: row for row in seen.rows(task, outcome)}
+    finally:
+        hidden.rename(tmp_path)
+    good = {trial_id: row for trial_id, row in expected.items() if row["status"] == "ok"}
+    assert len(good) == 4
+    assert {i: untimed(row) for i, row in rows.items()} == {i: untimed(row) for i, row in good.items()}
