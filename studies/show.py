@@ -8,11 +8,10 @@ from importlib import metadata
 from pathlib import Path
 
 from omegaconf import OmegaConf
-from PIL import Image
 from rich.table import Table
 
 import heatwalk
-from studies import figures, tables
+from studies import tables
 from studies.engine import LostError
 from studies.store import TABLE, replacing
 
@@ -31,6 +30,8 @@ def write(experiment, cfg, folder, rows, console):
     rows : DataFrame of the stored rows, in the order of the plan
     console : rich.console.Console
     """
+    from studies import figures
+
     title = f"{cfg.title} on {rows['dataset'].iloc[0]}"
     with replacing(folder / TABLE) as path:
         rows.to_parquet(path, index=False)
@@ -57,6 +58,8 @@ def write_origin(cfg, folder, trials):
 
 def draw(experiment, cfg, folder, trials, rows, engine, console):
     """Draw the pictures of surfaces that are not there yet. What they show is computed anew, by the engine."""
+    from studies import figures
+
     title = f"{cfg.title} on {rows['dataset'].iloc[0]}"
     for stem, shows, make in experiment.surfaces(trials, rows, cfg, title, engine):
         path = folder / f"{stem}.png"
@@ -72,6 +75,8 @@ def draw(experiment, cfg, folder, trials, rows, engine, console):
 
 
 def _is_drawn(path, shows):
+    from PIL import Image
+
     if not path.exists():
         return False
     with Image.open(path) as image:

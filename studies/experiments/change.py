@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from omegaconf import OmegaConf
 
-from studies import figures, render, tables
+from studies import tables
 from studies.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
@@ -172,12 +172,16 @@ class Change(Experiment):
         ]  # fmt: skip
 
     def curves(self, rows, tables, cfg, title):
+        from studies import figures
+
         if len(parts(cfg)) > 1:
             named = {name: (part.title, part.axis) for name, part in parts(cfg).items()}
             return {cfg.study.name: figures.panels(tables["table"], named, title)}
         return {cfg.study.name: figures.curve(tables["table"], rows, cfg.axis, title)}
 
     def surfaces(self, trials, rows, cfg, title, engine):
+        from studies import figures, render
+
         style = cfg.gallery.style
         if style not in render.STYLES:
             raise StudyError(f"gallery.style is {style!r}: choose one of {', '.join(render.STYLES)}")

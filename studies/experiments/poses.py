@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 
-from studies import figures, tables
+from studies import tables
 from studies.datasets import Model
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
@@ -166,6 +166,8 @@ class Poses(Experiment):
         ]
 
     def curves(self, rows, tables, cfg, title):
+        from studies import figures
+
         return {cfg.study.name: figures.matrix(matrices(rows), title)}
 
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 
-from studies import figures, tables
+from studies import tables
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.plan import StudyError, digest, identity, whole_number
@@ -149,6 +149,8 @@ class Times(Experiment):
         ]
 
     def curves(self, rows, tables, cfg, title):
+        from studies import figures
+
         intervals = [(float(low), float(high)) for low, high, _ in cfg.intervals]
         return {cfg.study.name: figures.times(rows[rows["status"] == "ok"], intervals, title)}
 

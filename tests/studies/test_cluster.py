@@ -6,12 +6,19 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import psutil
 import pytest
 
-from studies.engine import Lost
+from studies.datasets.files import FileModel
+from studies.engine import Lost, Serial
+from studies.plan import plan
+from studies.schedule import Schedule, execute
+from studies.trial import COLUMNS, TIMINGS
+from tests.meshes import bundled
+from tests.studies.conftest import STUDY
 from tests.studies.test_engine import abort_at_three, blas_threads, hang_at_three, process, square, wait_for
 
 pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
@@ -130,29 +137,34 @@ def test_a_scheduler_that_is_not_there_is_an_error():
         list(Dask("tcp://127.0.0.1:1").run(square, [1]))
 
 
+@dataclass(frozen=True)
+class OnlyHere(FileModel):
+    """A mesh whose file one process alone sees."""
+
+    pid: int
+
+    def load(self):
+        if os.getpid() != self.pid:
+            raise FileNotFoundError(f"{self.path}: only process {self.pid} sees it")
+        return super().load()
+
+
 def test_meshes_reach_workers_that_do_not_see_their_files(scheduler, tmp_path, composed):
-    path = tmp_path / "ant.off"
-    bundled("ant").export(path)
+    bundled("ant").export(tmp_path / "ant.off")
     (tmp_path / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n")
-    planned = plan(
-        composed(
-            "+study=normal_noise", "dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1,0.2]", "repeats=2",
-            "segmenter=custom", "segmenter._target_=tests.studies.segmenting.halves",
-        )
-    )  # fmt: skip
-    expected = rows_of(Schedule(planned), Serial())
-    seen = Schedule(planned, remote=True)
-    engine, rows, hidden = Dask(scheduler[0]), {}, tmp_path.with_name("hidden")
-    read = [pickle.loads(pickle.dumps(task)) for task in seen]  # as they are sent
-    tmp_path.rename(hidden)
-    try:
-        sent = dict(zip(read, list(seen._waiting), strict=True))
-        for task, outcome in engine.run(execute, read):
-            seen.rows(sent[task], outcome)
-        for task, outcome in engine.run(execute, seen):
-            rows |= {row["trial_id"]: row for row in seen.rows(task, outcome)}
-    finally:
-        hidden.rename(tmp_path)
-    good = {trial_id: row for trial_id, row in expected.items() if row["status"] == "ok"}
-    assert len(good) == 4
-    assert {i: untimed(row) for i, row in rows.items()} == {i: untimed(row) for i, row in good.items()}
+    words = ("dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1,0.2]", "repeats=2", *STUDY[3:5])
+    planned = [
+        replace(trial, model=OnlyHere(trial.model.name, "", trial.model.path, os.getpid()))
+        for trial in plan(composed("+study=normal_noise", *words))
+    ]
+
+    def rows(engine, remote):
+        schedule = Schedule(planned, remote)
+        found = [row for task, outcome in engine.run(execute, schedule) for row in schedule.rows(task, outcome)]
+        return {row["trial_id"]: {key: row[key] for key in COLUMNS if key not in TIMINGS} for row in found}
+
+    engine = Dask(scheduler[0])
+    expected = rows(Serial(), False)
+    assert sorted(row["status"] for row in expected.values()) == ["failed"] * 4 + ["ok"] * 4
+    assert rows(engine, engine.remote) == expected
+    assert {row["status"] for row in rows(engine, False).values()} == {"failed"}  # or the test would say nothing
