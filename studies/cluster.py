@@ -112,7 +112,8 @@ class _Isolation(distributed.WorkerPlugin):
 
     def __init__(self, path, function, timeout, memory):
         self._path = path
-        self._options = function, 1, timeout, memory
+        self._function = function
+        self._limits = timeout, memory
 
     def setup(self, worker):
         sys.path.extend(folder for folder in self._path if folder not in sys.path)
@@ -128,6 +129,6 @@ class _Isolation(distributed.WorkerPlugin):
     def outcome(self, task):
         thread = threading.get_ident()
         if thread not in self._processes:
-            self._processes[thread] = Processes(*self._options)
+            self._processes[thread] = Processes(self._function, task, 1, *self._limits)
         processes = self._processes[thread]
         return processes.outcome(processes.submit(task))

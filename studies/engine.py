@@ -118,8 +118,14 @@ class Local:
         """(task, function(task) or Lost) for every task, as they finish."""
         workers = self.processes
         tasks = iter(tasks)
-        processes = Processes(pickle.dumps(function), workers, self.timeout, self.memory)
         try:
+            first = next(tasks)
+        except StopIteration:
+            return
+        sent = pickle.dumps(first)
+        processes = Processes(pickle.dumps(function), sent, workers, self.timeout, self.memory)
+        try:
+            self._pending[processes.submit(sent)] = first
             while True:
                 # A few tasks ahead of the workers, not all of them: a plan may hold a hundred thousand.
                 for task in islice(tasks, 2 * workers - len(self._pending)):
@@ -140,19 +146,20 @@ class Local:
 class Processes:
     """Worker processes, each with one BLAS thread; what happens in one of them happens to its task only.
 
-    Function and tasks are handed over as pickles, which nobody on the way has to understand. A worker is replaced when
-    it dies, and killed when its task takes longer than `timeout` seconds, or when it and the programs that it runs hold
-    more than `memory` (see `Local`).
+    Function and tasks are handed over as pickles, which nobody on the way has to understand. A worker unpickles the
+    function and one task, `first`, before it counts time, so that no task's holds the imports. A worker is replaced
+    when it dies, and killed when its task takes longer than `timeout` seconds, or when it and the programs that it runs
+    hold more than `memory` (see `Local`).
     """
 
-    def __init__(self, function, workers, timeout=None, memory=None):
+    def __init__(self, function, first, workers, timeout=None, memory=None):
         self._timeout = timeout
         self._memory = memory
         # Not fork: a forked child inherits locks that the parent's threads hold, and native libraries' state.
         context = multiprocessing.get_context("spawn")
         busy = context.RawArray(ctypes.c_int64, _SLOTS)
         self._pool = pebble.ProcessPool(
-            max_workers=workers, context=context, initializer=_prepare_worker, initargs=[function, busy]
+            max_workers=workers, context=context, initializer=_prepare_worker, initargs=[function, first, busy]
         )
         self._too_large = set()  # ids of the processes that were killed for their memory
         self._closed = threading.Event()
@@ -266,7 +273,7 @@ def _work(task):
         _busy[pid % _SLOTS] = 0
 
 
-def _prepare_worker(function, busy):
+def _prepare_worker(function, first, busy):
     """One thread a worker, Ctrl-C left to the head process, an end with it, and what is needed imported."""
     global _function, _busy
     _function, _busy = function, busy
@@ -278,8 +285,9 @@ def _prepare_worker(function, busy):
     import threadpoolctl
 
     threadpoolctl.threadpool_limits(1)
-    with contextlib.suppress(Exception):  # the first task says what it is
-        pickle.loads(function)  # or the first task's time would hold the imports
+    with contextlib.suppress(Exception):  # the task says what it is
+        pickle.loads(function)
+        pickle.loads(first)
 
 
 def _end_with_head():

@@ -118,10 +118,10 @@ def _joined(a, b, first, second):
     same = good_a.loc[both, results].eq(good_b.loc[both, results]) | (
         good_a.loc[both, results].isna() & good_b.loc[both, results].isna()
     )
-    same = same.fillna(False)
+    same = same.fillna(False).astype(bool)
     if not same.all(axis=None):
         trial_id = both[~same.all(axis=1)][0]
-        column = same.columns[~same.loc[trial_id]][0]
+        column = same.columns[~same.loc[trial_id].to_numpy(dtype=bool)][0]
         found = [good.loc[trial_id, column] for good in (good_a, good_b)]
         row = good_a.loc[trial_id]
         raise MergeError(

@@ -47,3 +47,15 @@ def identity(model):
 def digest(*what):
     """SHA-256 of the JSON of ``what``: the same on every machine and in every process."""
     return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()
+
+
+def opening(*what):
+    """A function: ``more`` -> ``digest(*what, *more)``. For the many trials that begin alike, and end in something."""
+    begun = hashlib.sha256(json.dumps(what, sort_keys=True)[:-1].encode())
+
+    def closed(*more):
+        ended = begun.copy()
+        ended.update(f", {json.dumps(more, sort_keys=True)[1:]}".encode())
+        return ended.hexdigest()
+
+    return closed

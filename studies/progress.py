@@ -76,7 +76,7 @@ def show_plan(trials, missing, stored, elsewhere, engine, console):
     for part, group in parts.items():
         states = [status.get(trial.trial_id) for trial in group]
         numbers = (
-            len({trial.model for trial in group}),
+            len({trial.model.name for trial in group}),
             len({trial.level for trial in group}),
             len({trial.repeat for trial in group}),
             len(group),

@@ -32,6 +32,8 @@ class Stored:
     @classmethod
     def load(cls, folder):
         cfg = OmegaConf.load(folder / "config.yaml")
+        if "experiment" not in cfg or "section" not in cfg.study:
+            raise ValueError(f"{folder} holds the results of an earlier version: run its study again, or move it away")
         experiment = hydra.utils.instantiate(cfg.experiment)
         command = json.loads((folder / "provenance.json").read_text())["command"]
         return cls(folder, cfg, store.stored(folder, experiment.columns), experiment, command)
@@ -140,9 +142,12 @@ def main(arguments=None):
 
     from studies import show
 
-    found = stored(results)
-    if not found:
-        print(f"studies.report: error: there are no rows of a study under {results}", file=sys.stderr)
+    try:
+        found = stored(results)
+        if not found:
+            raise ValueError(f"there are no rows of a study under {results}")
+    except ValueError as error:
+        print(f"studies.report: error: {error}", file=sys.stderr)
         return 2
     console = Console()
     for study in found:

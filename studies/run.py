@@ -118,7 +118,7 @@ def run_study(cfg, subfolder=""):
         console.print(f"{end}; what was done is stored, and the same command goes on from there")
     if end == INTERRUPTED:
         sys.exit(130)
-    return failures == 0
+    return failures == 0 and len(rows) == len(trials)
 
 
 def _missing(trials, stored, retry_failed):

@@ -10,11 +10,10 @@ from pathlib import Path
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
-from PIL import Image
 from rich.table import Table
 
 import heatwalk
-from studies import figures, tables
+from studies import tables
 from studies.engine import LostError
 from studies.store import TABLE, replacing
 
@@ -33,6 +32,8 @@ def write(experiment, cfg, folder, rows, console):
     rows : DataFrame of the stored rows, in the order of the plan
     console : rich.console.Console
     """
+    from studies import figures
+
     title = f"{cfg.title} on {rows['dataset'].iloc[0]}"
     with replacing(folder / TABLE) as path:
         rows.to_parquet(path, index=False)
@@ -59,6 +60,8 @@ def write_origin(cfg, folder, trials):
 
 def draw(experiment, cfg, folder, trials, rows, engine, console):
     """Draw the pictures of surfaces that are not there yet. What they show is computed anew, by the engine."""
+    from studies import figures
+
     title = f"{cfg.title} on {rows['dataset'].iloc[0]}"
     for stem, shows, make in experiment.surfaces(trials, rows, cfg, title, engine):
         path = folder / f"{stem}.png"
@@ -74,6 +77,8 @@ def draw(experiment, cfg, folder, trials, rows, engine, console):
 
 
 def _is_drawn(path, shows):
+    from PIL import Image
+
     if not path.exists():
         return False
     with Image.open(path) as image:

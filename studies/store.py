@@ -169,7 +169,7 @@ def stored(folder, further=None):
 def planned(folder):
     """The trial_ids that a run planned last; None where no run was on this machine."""
     path = folder / PLANNED
-    return path.read_text().split() if path.exists() else None
+    return path.read_text().splitlines() if path.exists() else None
 
 
 def folders(results):
@@ -189,8 +189,8 @@ def elsewhere(results, folder, trial_ids):
     """
     found, wanted = {}, set(trial_ids)
     for other in sorted(folders(results), key=lambda other: other != folder):
-        path = other / ROWS if (other / ROWS).exists() else other / TABLE
-        if not wanted or path == folder / ROWS:
+        path = other / ROWS if (other / ROWS).exists() and (other / ROWS).stat().st_size else other / TABLE
+        if not wanted or path == folder / ROWS or not path.exists():
             continue
         there = wanted & _good(path)
         if there:

@@ -1,10 +1,24 @@
-"""Kinds of study: what is measured on a mesh, and the tables and figures made of it."""
+"""Kinds of study: what is measured on a mesh, and the tables and figures made of it.
 
-from studies.experiments.anatomy import Anatomy
-from studies.experiments.benchmark import Benchmark
-from studies.experiments.change import Change
-from studies.experiments.experiment import Experiment
-from studies.experiments.poses import Poses
-from studies.experiments.times import Times
+Each is imported when it is asked for, and draws with libraries that it imports when it draws: every worker process
+imports what its trials are made of, and should not wait for the rest.
+"""
 
-__all__ = ["Anatomy", "Benchmark", "Change", "Experiment", "Poses", "Times"]
+from importlib import import_module
+
+_MODULE_OF = {
+    "Anatomy": "anatomy",
+    "Benchmark": "benchmark",
+    "Change": "change",
+    "Experiment": "experiment",
+    "Poses": "poses",
+    "Times": "times",
+}
+
+__all__ = list(_MODULE_OF)
+
+
+def __getattr__(name):
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)

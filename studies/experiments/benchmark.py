@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from heatwalk import faces_from_vertices
-from studies import figures, tables
+from studies import tables
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import psb
 from studies.plan import digest, identity
@@ -150,6 +150,8 @@ class Benchmark(Experiment):
         ]
 
     def curves(self, rows, tables, cfg, title):
+        from studies import figures
+
         return {cfg.study.name: figures.methods(tables["table"], METRICS, title)}
 
 

@@ -12,11 +12,11 @@ import pandas as pd
 import trimesh
 from omegaconf import OmegaConf
 
-from studies import figures, render, tables
+from studies import tables
 from studies.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
-from studies.plan import StudyError, digest, identity, whole_number
+from studies.plan import StudyError, digest, identity, opening, whole_number
 from studies.segmenters import Segmenter
 from studies.trial import Trial
 
@@ -116,16 +116,21 @@ class Change(Experiment):
             for level, perturbation in _levels(name, part)
         ]
         trials = []
+        study, method = cfg.study.name, segmenter.identity
         for model in dataset.models():
             mesh = identity(model)
+            shares = digest(mesh, *method)
             for part, level, perturbation, swept, recipe in perturbations:
+                # The seed leaves out the segmenter and the perturbation's other options: methods and readings are
+                # compared under the same draws.
+                seed_of = opening(part, mesh, perturbation.name, level)
+                id_of = opening(part, mesh, recipe, level)
+                unit = _unit(perturbation, swept)
                 for repeat in range(repeats):
-                    # The seed leaves out the segmenter and the perturbation's other options: methods and readings are
-                    # compared under the same draws.
-                    seed = int(digest(part, mesh, perturbation.name, level, repeat)[:15], 16)
+                    seed = int(seed_of(repeat)[:15], 16)
                     trials.append(
                         ChangeTrial(
-                            study=cfg.study.name,
+                            study=study,
                             dataset=dataset.name,
                             part=part,
                             model=model,
@@ -135,11 +140,11 @@ class Change(Experiment):
                             perturbation_name=perturbation.name,
                             segmenter_name=segmenter.name,
                             level=level,
-                            unit=_unit(perturbation, swept),
+                            unit=unit,
                             repeat=repeat,
                             seed=seed,
-                            shares=digest(mesh, *segmenter.identity),
-                            trial_id=digest(part, mesh, recipe, level, repeat, seed, *segmenter.identity)[:24],
+                            shares=shares,
+                            trial_id=id_of(repeat, seed, *method)[:24],
                         )
                     )
         return trials
@@ -174,12 +179,16 @@ class Change(Experiment):
         return found
 
     def curves(self, rows, tables, cfg, title):
+        from studies import figures
+
         if len(parts(cfg)) > 1:
             named = {name: (part.title, part.axis) for name, part in parts(cfg).items()}
             return {cfg.study.name: figures.panels(tables["table"], named, title)}
         return {cfg.study.name: figures.curve(tables["table"], rows, cfg.axis, title)}
 
     def surfaces(self, trials, rows, cfg, title, engine):
+        from studies import figures, render
+
         style = cfg.gallery.style
         if style not in render.STYLES:
             raise StudyError(f"gallery.style is {style!r}: choose one of {', '.join(render.STYLES)}")

@@ -9,7 +9,11 @@ import numpy as np
 import pandas as pd
 import trimesh
 
+<<<<<<< HEAD
 from studies import figures, plates, tables
+=======
+from studies import tables
+>>>>>>> h/store
 from studies.datasets import Model
 from studies.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
@@ -170,6 +174,8 @@ class Poses(Experiment):
         ]
 
     def curves(self, rows, tables, cfg, title):
+        from studies import figures
+
         return {cfg.study.name: figures.matrix(matrices(rows), title)}
 
     def surfaces(self, trials, rows, cfg, title, engine):

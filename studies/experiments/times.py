@@ -7,8 +7,12 @@ import numpy as np
 import pandas as pd
 import trimesh
 
+<<<<<<< HEAD
 from studies import figures, plates, tables
 from studies.engine import gathered
+=======
+from studies import tables
+>>>>>>> h/store
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.plan import StudyError, digest, identity, whole_number
@@ -160,6 +164,8 @@ class Times(Experiment):
         yield "figure15", shows, lambda: gathered(engine, _draw, [(shown, times)])[0]
 
     def curves(self, rows, tables, cfg, title):
+        from studies import figures
+
         intervals = [(float(low), float(high)) for low, high, _ in cfg.intervals]
         return {cfg.study.name: figures.times(rows[rows["status"] == "ok"], intervals, title)}
 

@@ -5,8 +5,10 @@ import pytest
 from hydra import compose, initialize_config_module
 
 from studies.engine import Serial
+from studies.run import run_study
 from studies.schedule import Schedule, execute
 from studies.trial import COLUMNS
+from tests.meshes import bundled
 
 
 @pytest.fixture
@@ -18,6 +20,31 @@ def composed():
             return compose("config", list(overrides))
 
     return compose_with
+
+
+# A study whose trials take no time.
+STUDY = (
+    "+study=normal_noise", "dataset=files", "dataset.glob=ant.off", "segmenter=custom",
+    "segmenter._target_=tests.studies.segmenting.halves", "gallery.models=0", "levels=[0.1,0.2]",
+)  # fmt: skip
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """The current folder, empty but for the ant."""
+    bundled("ant").export(tmp_path / "ant.off")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def study(here, composed):
+    """A function: overrides -> whether every trial of ``STUDY`` gave a figure, run in this process."""
+
+    def go(*words, results="results"):
+        return run_study(composed(*STUDY, "engine=serial", f"results_dir={results}", *words))
+
+    return go
 
 
 @pytest.fixture

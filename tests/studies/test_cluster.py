@@ -6,12 +6,19 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import psutil
 import pytest
 
-from studies.engine import Lost
+from studies.datasets.files import FileModel
+from studies.engine import Lost, Serial
+from studies.plan import plan
+from studies.schedule import Schedule, execute
+from studies.trial import COLUMNS, TIMINGS
+from tests.meshes import bundled
+from tests.studies.conftest import STUDY
 from tests.studies.test_engine import abort_at_three, blas_threads, hang_at_three, process, square, wait_for
 
 pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
@@ -128,3 +135,36 @@ def test_a_scheduler_that_is_not_there_is_an_error():
 
     with dask.config.set({"distributed.comm.timeouts.connect": "1s"}), pytest.raises(OSError, match=r"127\.0\.0\.1:1"):
         list(Dask("tcp://127.0.0.1:1").run(square, [1]))
+
+
+@dataclass(frozen=True)
+class OnlyHere(FileModel):
+    """A mesh whose file one process alone sees."""
+
+    pid: int
+
+    def load(self):
+        if os.getpid() != self.pid:
+            raise FileNotFoundError(f"{self.path}: only process {self.pid} sees it")
+        return super().load()
+
+
+def test_meshes_reach_workers_that_do_not_see_their_files(scheduler, tmp_path, composed):
+    bundled("ant").export(tmp_path / "ant.off")
+    (tmp_path / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n")
+    words = ("dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1,0.2]", "repeats=2", *STUDY[3:5])
+    planned = [
+        replace(trial, model=OnlyHere(trial.model.name, "", trial.model.path, os.getpid()))
+        for trial in plan(composed("+study=normal_noise", *words))
+    ]
+
+    def rows(engine, remote):
+        schedule = Schedule(planned, remote)
+        found = [row for task, outcome in engine.run(execute, schedule) for row in schedule.rows(task, outcome)]
+        return {row["trial_id"]: {key: row[key] for key in COLUMNS if key not in TIMINGS} for row in found}
+
+    engine = Dask(scheduler[0])
+    expected = rows(Serial(), False)
+    assert sorted(row["status"] for row in expected.values()) == ["failed"] * 4 + ["ok"] * 4
+    assert rows(engine, engine.remote) == expected
+    assert {row["status"] for row in rows(engine, False).values()} == {"failed"}  # or the test would say nothing

@@ -88,6 +88,27 @@ def test_a_worker_that_hangs_costs_its_own_task_only():
     assert outcomes == {x: x for x in range(8) if x != 3}
 
 
+class SlowToRead:
+    """A task whose class takes a while to be imported."""
+
+    def __reduce__(self):
+        return slow_to_read, ()
+
+
+def slow_to_read():
+    time.sleep(0 if imported else 3)
+    imported.append(True)
+    return SlowToRead()
+
+
+imported = []
+
+
+def test_imports_do_not_count_as_a_tasks_time():
+    outcomes = [outcome for _, outcome in Local(workers=1, timeout=2).run(type, [SlowToRead(), SlowToRead()])]
+    assert outcomes == [SlowToRead, SlowToRead]
+
+
 def test_a_task_that_takes_all_memory_costs_itself_only_and_ends_with_what_it_started(tmp_path):
     program = tmp_path / "program"
     large, small = ["by and by", "in one call", str(program)], ["a", "b", "c"]

@@ -2,7 +2,7 @@ import random
 
 import pytest
 
-from studies.plan import StudyError, plan
+from studies.plan import StudyError, digest, opening, plan
 from tests.meshes import bundled
 
 
@@ -26,6 +26,12 @@ def test_seeds_and_ids_do_not_depend_on_what_else_is_planned(composed):
     for t in part:
         if t.level == 0.2:
             assert (t.seed, t.trial_id) == whole[("cow", 0.2, 0)]
+
+
+def test_a_digest_is_the_same_in_one_go_and_in_two():
+    begun = opening("holes", ["ant", "π"], {"b": None, "a": 0.1})
+    assert begun(3, [4], {}) == digest("holes", ["ant", "π"], {"b": None, "a": 0.1}, 3, [4], {})
+    assert begun(5) == digest("holes", ["ant", "π"], {"a": 0.1, "b": None}, 5)
 
 
 def test_a_plan_is_the_same_every_time(composed):

@@ -89,7 +89,7 @@ def test_no_results_are_an_error_of_one_line(tmp_path):
     done = subprocess.run([sys.executable, "-m", "studies.report", str(tmp_path)], capture_output=True, text=True)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert "no trials.parquet" in done.stderr
+    assert "no rows of a study" in done.stderr
 
 
 def test_rows_of_the_page_name_the_command_that_makes_them(studies):

@@ -4,7 +4,7 @@ import pytest
 
 from studies.datasets import Model
 from studies.engine import Local, Lost, Serial
-from studies.schedule import Measurement, Preparation, Schedule, execute
+from studies.schedule import Measurement, Preparation, Prepared, Schedule, execute
 from studies.trial import Trial
 
 
@@ -93,3 +93,24 @@ def test_what_waits_is_given_once_its_preparation_is_there():
     assert waiting == ["b"] * 3
     schedule.rows(first, execute(first))
     assert all(isinstance(task, Measurement) and task.trial.model.name == "a" for task in schedule)
+
+
+def test_rows_tell_their_share_of_what_they_share_and_the_seconds_of_all_are_those_of_the_work():
+    rows = rows_of(trials("a", levels=(1, 2, 3, 4)), Slow())
+    assert [row["seconds"] for row in rows] == [pytest.approx(0.2 / 4, abs=0.04)] * 4
+
+
+class Slow(Serial):
+    """As an engine would find it that takes 0.2 seconds for each preparation."""
+
+    def run(self, function, tasks):
+        for task, outcome in super().run(function, tasks):
+            yield task, Prepared(outcome.value, 0.2) if isinstance(outcome, Prepared) else outcome
+
+
+def test_tasks_say_what_they_are():
+    schedule = Schedule(trials("a", levels=(1,)))
+    task = next(schedule)
+    assert str(task) == "a"
+    schedule.rows(task, execute(task))
+    assert str(next(schedule)) == "a s 1 #0"
