@@ -9,17 +9,12 @@ import numpy as np
 import pandas as pd
 import trimesh
 
-<<<<<<< HEAD
-from studies import figures, plates, tables
-=======
 from studies import tables
->>>>>>> h/store
 from studies.datasets import Model
 from studies.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.plan import StudyError, digest, identity
-from studies.render import named_as
 from studies.segmenters import Segmenter
 from studies.trial import Trial, reason
 
@@ -190,6 +185,9 @@ class Poses(Experiment):
 
 def _draw(task):
     """Some poses side by side: a matplotlib Figure."""
+    from studies import plates
+    from studies.render import named_as
+
     shown, upright = task
     items, first = [], {}
     for trial, name in shown:

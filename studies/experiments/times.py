@@ -7,12 +7,8 @@ import numpy as np
 import pandas as pd
 import trimesh
 
-<<<<<<< HEAD
-from studies import figures, plates, tables
-from studies.engine import gathered
-=======
 from studies import tables
->>>>>>> h/store
+from studies.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.plan import StudyError, digest, identity, whole_number
@@ -172,6 +168,8 @@ class Times(Experiment):
 
 def _draw(task):
     """One model at several times: a matplotlib Figure."""
+    from studies import plates
+
     trial, times = task
     loaded = trial.model.load()
     mesh = trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
