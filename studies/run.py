@@ -131,7 +131,7 @@ def _elsewhere(cfg, folder, missing):
     """Where rows of missing trials stand already; nowhere for who wants to start over."""
     from studies.store import elsewhere
 
-    return {} if cfg.fresh else elsewhere(cfg.results_dir, folder, [trial.trial_id for trial in missing])
+    return {} if cfg.fresh else elsewhere(str(cfg.results_dir), folder, [trial.trial_id for trial in missing])
 
 
 def _take_over(found, missing, store, console):
