@@ -134,7 +134,7 @@ def _levels(axes, table, label):
             table["level"], table["paper"], color=PAPER, marker="s", ms=3, ls="--", lw=1.0, label="the paper", zorder=4,
             clip_on=False,
         )  # fmt: skip
-    levels = table["level"].to_numpy(dtype=float)
+    levels = np.sort(table["level"].to_numpy(dtype=float))
     # A level too near to the one before, for the letters, keeps its tick without its number.
     texts, last = [], -np.inf
     for level in levels:
@@ -153,7 +153,8 @@ def _units(rows):
 def gallery_trials(planned, rows, models, n_columns):
     """The trials that the gallery shows: of each of some models, one repeat of some levels.
 
-    models : how many, taken evenly from the list, so that a benchmark shows several categories; or their names
+    models : how many, taken evenly from the list, so that a benchmark shows several categories; or the names of those
+        to show where they are there, and three if none is
     n_columns : how many levels, evenly from the lowest to the highest; of a study of several parts, the last of each
 
     Returns
@@ -165,11 +166,8 @@ def gallery_trials(planned, rows, models, n_columns):
     for trial in planned:
         if trial.trial_id in good:
             first.setdefault(trial.model.name, {}).setdefault((trial.part, trial.level), trial)
-    names = (
-        _evenly(list(first), models)
-        if isinstance(models, int)
-        else [str(name) for name in models if str(name) in first]
-    )
+    named = [] if isinstance(models, int) else [str(name) for name in models if str(name) in first]
+    names = named or _evenly(list(first), models if isinstance(models, int) else 3)
     levels = list(dict.fromkeys((trial.part, trial.level) for trial in planned))
     last = dict(levels)  # part -> its last level
     levels = _evenly(levels, n_columns) if len(last) == 1 else list(last.items())

@@ -4,6 +4,7 @@ Nothing is computed anew: every figure on the page comes from the trials that li
 """
 
 import argparse
+import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,18 +21,22 @@ PAPERS_DATASETS = ("psb", "tosca")
 
 @dataclass(frozen=True)
 class Stored:
-    """A study's results: its folder, its configuration, its rows and the kind of study that it is."""
+    """A study's results: its folder, its configuration, its rows, its kind, and the command that made it."""
 
     folder: Path
     cfg: object
     rows: pd.DataFrame
     experiment: object
+    command: str
 
     @classmethod
     def load(cls, folder):
         cfg = OmegaConf.load(folder / "config.yaml")
+        if "experiment" not in cfg or "section" not in cfg.study:
+            raise ValueError(f"{folder} holds the results of an earlier version: run its study again, or move it away")
         experiment = hydra.utils.instantiate(cfg.experiment)
-        return cls(folder, cfg, store.stored(folder, experiment.columns), experiment)
+        command = json.loads((folder / "provenance.json").read_text())["command"]
+        return cls(folder, cfg, store.stored(folder, experiment.columns), experiment, command)
 
 
 def stored(results):
@@ -121,9 +126,7 @@ def _section(study, results):
     ]
     for picture in sorted(study.folder.glob("*.png")):
         lines += [f"![{cfg.title}: {picture.stem.replace('_', ' ')}]({folder}/{picture.name})", ""]
-    if cfg.get("command"):
-        lines += ["```", cfg.command, "```"]
-    return lines
+    return [*lines, "```", study.command, "```"]
 
 
 def _anchor(study):
@@ -139,9 +142,12 @@ def main(arguments=None):
 
     from studies import show
 
-    found = stored(results)
-    if not found:
-        print(f"studies.report: error: there are no rows of a study under {results}", file=sys.stderr)
+    try:
+        found = stored(results)
+        if not found:
+            raise ValueError(f"there are no rows of a study under {results}")
+    except ValueError as error:
+        print(f"studies.report: error: {error}", file=sys.stderr)
         return 2
     console = Console()
     for study in found:

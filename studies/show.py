@@ -2,11 +2,13 @@
 
 import json
 import platform
+import shlex
 import subprocess
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 from rich.table import Table
 
@@ -96,6 +98,7 @@ def _terminal_table(title, experiment, rows, narrow):
 def _provenance(trials):
     """What the results were made with and from."""
     return {
+        "command": _command(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "commit": _commit(),
         "version": heatwalk.__version__,
@@ -105,6 +108,19 @@ def _provenance(trials):
         "packages": {name: metadata.version(name) for name in PACKAGES},
         "meshes_sha256": {trial.model.name: trial.mesh for trial in trials},
     }
+
+
+# Options that say where things are and who works, not what is done.
+ELSEWHERE = ("results_dir", "dataset.root", "engine", "trial", "gallery")
+
+
+def _command():
+    """The command that makes these results again; "" where there was none."""
+    if not HydraConfig.initialized():
+        return ""
+    options = HydraConfig.get().overrides.task
+    said = [option for option in options if not option.lstrip("+").startswith(ELSEWHERE)]
+    return f"python -m studies.run {shlex.join(said)}"
 
 
 def _commit():

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import hydra.utils
 import numpy as np
+import pandas as pd
 import trimesh
 from omegaconf import OmegaConf
 
@@ -163,13 +164,19 @@ class Change(Experiment):
         return (*(["part"] if several else []), "level", "mean", "interval", "median", "paper", "n", "failures")
 
     def claims(self, tables, cfg):
-        return [
-            Claim(
-                f"{parts(cfg)[row.part].title}: {row.level:g} {row.unit.replace('_', ' ')}",
-                row.paper, row.mean, row.ci_low, row.ci_high, " %",
-            )
-            for row in tables["table"].itertuples()
-        ]  # fmt: skip
+        """Every level that the paper gives a figure for; of what it only shows, the level that its words are about."""
+        found = []
+        for row in tables["table"].itertuples():
+            part = parts(cfg)[row.part]
+            said = part.get("claim")
+            if not pd.isna(row.paper):
+                what = f"{part.title}: {row.level:g} {row.unit.replace('_', ' ')}"
+            elif said and np.isclose(said.level, row.level):
+                what = f"{part.title}: “{said.says}”"
+            else:
+                continue
+            found.append(Claim(what, row.paper, row.mean, row.ci_low, row.ci_high, " %"))
+        return found
 
     def curves(self, rows, tables, cfg, title):
         from studies import figures

@@ -5,8 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 import pandas as pd
+import trimesh
 
 from studies import tables
+from studies.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.plan import StudyError, digest, identity, whole_number
@@ -148,11 +150,31 @@ class Times(Experiment):
             for row in table.itertuples()
         ]
 
+    def surfaces(self, trials, rows, cfg, title, engine):
+        """Figure 15: one model, the named or the first, at a few times."""
+        first = {trial.model.name: trial for trial in reversed(trials)}
+        named = [first[str(name)] for name in cfg.figure15.models if str(name) in first]
+        shown = (named or [trials[0]])[0]
+        times = list(cfg.figure15.times)
+        shows = f"{shown.model.name} {shown.shares} {times}"
+        yield "figure15", shows, lambda: gathered(engine, _draw, [(shown, times)])[0]
+
     def curves(self, rows, tables, cfg, title):
         from studies import figures
 
         intervals = [(float(low), float(high)) for low, high, _ in cfg.intervals]
         return {cfg.study.name: figures.times(rows[rows["status"] == "ok"], intervals, title)}
+
+
+def _draw(task):
+    """One model at several times: a matplotlib Figure."""
+    from studies import plates
+
+    trial, times = task
+    loaded = trial.model.load()
+    mesh = trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
+    usual, *segmentations = trial.segmenter.method.segmentations(mesh.vertices, mesh.faces, [USUAL_TIME, *times])
+    return plates.over_time(mesh, segmentations, usual)[0]
 
 
 def _times(cfg):

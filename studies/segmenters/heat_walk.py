@@ -26,9 +26,13 @@ class HeatWalk:
         """All that `heatwalk.segment` gives."""
         return heatwalk.segment(vertices, faces, self.time, **self._options())
 
+    def segmentations(self, vertices, faces, times):
+        """All that `heatwalk.segment_at_times` gives: from one eigenproblem, an iterator."""
+        return heatwalk.segment_at_times(vertices, faces, times, **self._options())
+
     def at_times(self, vertices, faces, times):
-        """Labels at each of ``times``, from one eigenproblem: an iterator of arrays."""
-        return map(self._labels, heatwalk.segment_at_times(vertices, faces, times, **self._options()))
+        """Labels at each of ``times``: an iterator of arrays."""
+        return map(self._labels, self.segmentations(vertices, faces, times))
 
     def _options(self):
         return {

@@ -70,3 +70,10 @@ def test_a_grid_crops_the_pictures_of_a_row_alike_and_keeps_all_their_ink():
     assert [image.shape for image in shown] == [(40, 40, 3), (40, 40, 3)]
     assert [int((image == 0).all(axis=2).sum()) for image in shown] == [100, 100]
     assert figure.get_figwidth() <= figures.TWO_COLUMNS
+
+
+@pytest.mark.parametrize("levels", [[0.1, 0.25, 0.5, 0.75], [0.75, 0.5, 0.25, 0.1]])
+def test_every_level_that_has_room_has_its_number(levels):
+    rows = pd.DataFrame([{"model": "m", "level": level, "change_percentage": 1.0} for level in levels])
+    (axes,) = figures.curve(table("decimation", levels, np.nan), rows, "kept", "Decimation").axes
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["0.1", "0.25", "0.5", "0.75"]

@@ -6,6 +6,7 @@ import pytest
 
 import heatwalk
 from heatwalk.files import read_mesh
+from studies.engine import Serial
 from studies.experiments import Poses
 from studies.experiments.poses import matrices, pose_interval
 from studies.metrics import change_percentage
@@ -81,3 +82,16 @@ def test_a_pose_that_cannot_be_segmented_costs_its_own_pairs(composed, run_trial
 def test_shapes_of_one_pose_each_are_no_study(composed, tosca_zip):
     with pytest.raises(StudyError, match="no shape has two poses"):
         plan(composed("+study=pose", f"dataset.root={tosca_zip}", "dataset.models=[cat0,dog1]"))
+
+
+def test_the_picture_of_poses_gives_a_part_the_colour_that_it_has_in_the_first(composed, run_trials, tosca_zip):
+    cfg = composed("+study=pose", f"dataset.root={tosca_zip}", "dataset.models=[cat0,cat1,cat3]")
+    planned = plan(cfg)
+    rows = run_trials(planned, Poses.columns)
+    ((stem, shows, make),) = Poses().surfaces(planned, rows, cfg, "", Serial())
+    assert stem == "figure6"
+    assert [word for word in shows.split() if word.startswith("cat")] == ["cat0", "cat1", "cat3"]
+    pictures = [axes.get_images()[0].get_array() for axes in make().axes]
+    # As many segments, and the same hues of which a part keeps its own: the tail is violet in all three.
+    violet = [int(((image[..., 0] > 90) & (image[..., 1] < 60) & (image[..., 2] > 110)).sum()) for image in pictures]
+    assert min(violet) > 500

@@ -1,0 +1,46 @@
+"""Every shipped study on one small model, from its configuration to its tables and curves."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import conf
+from studies.run import run_study
+from tests.meshes import bundled
+
+STUDIES = sorted(path.stem for path in (Path(conf.__file__).parent / "study").glob("*.yaml"))
+
+
+@pytest.fixture
+def small(tmp_path, request):
+    """A function: study -> the options that make it small."""
+
+    def options(study):
+        if study == "table1":
+            return f"dataset.root={request.getfixturevalue('psb_zip')}", "dataset.models=[50]"
+        if study == "pose":
+            return f"dataset.root={request.getfixturevalue('tosca_zip')}", "dataset.models=[cat0,cat1]"
+        bundled("ant").export(tmp_path / "ant.off")  # as it ships: 486 vertices
+        return "dataset=files", f"dataset.glob={tmp_path / 'ant.off'}"
+
+    return options
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_it_runs_and_shows_what_it_found(study, small, composed, tmp_path):
+    cfg = composed(
+        f"+study={study}", *small(study), "repeats=1", "engine=serial", f"results_dir={tmp_path}", "gallery.models=0"
+    )
+    if "plates" in cfg:
+        cfg.plates = {}
+    run_study(cfg)
+    (folder,) = [path.parent for path in tmp_path.rglob("trials.parquet")]
+    rows, table = pd.read_parquet(folder / "trials.parquet"), pd.read_csv(folder / "table.csv")
+    assert folder.parts[-2] == study
+    assert (rows["status"] == "ok").any()
+    assert len(table) > 0
+    assert not table.isna().all(axis=None)
+    page = (folder / "table.md").read_text()
+    assert page.startswith(f"# {cfg.title} on {rows['dataset'].iloc[0]}\n")
+    assert all(path.stat().st_size > 5000 for path in folder.glob("*.png"))
