@@ -30,7 +30,7 @@ class TrialsFailed(SystemExit):
 
 def main() -> None:
     """Hydra's own command line; where it refuses the options, the names that exist are said too."""
-    sys.argv[1:] = map(quoted, sys.argv[1:])
+    sys.argv[1:] = _of_swept_studies([quoted(argument) for argument in sys.argv[1:]])
     try:
         run()
     except SystemExit as stop:
@@ -173,6 +173,31 @@ def _run_missing(engine, missing, store, console, stop):
     except KeyboardInterrupt:
         return INTERRUPTED
     return ""
+
+
+def _of_swept_studies(arguments):
+    """The arguments, with ``++levels=…`` for ``levels=…`` in a sweep of studies that all have such an option.
+
+    Hydra checks the options of a sweep against the configuration without what is swept: without any study.
+    """
+    names = next((a.partition("=")[2].split(",") for a in arguments if a.startswith("+study=")), [])
+    if not {"-m", "--multirun"} & set(arguments) or len(names) < 2:
+        return arguments
+    with initialize_config_module("conf", version_base="1.3"), suppress(HydraException):
+        bare, *full = (compose("config", [f"+study={name}"] if name else []) for name in ("", *names))
+
+        def theirs(argument):
+            key = argument.partition("=")[0]
+            return (
+                "=" in argument
+                and argument[0] not in "-+~"
+                and OmegaConf.select(bare, key) is None
+                and all(OmegaConf.select(cfg, key) is not None for cfg in full)
+                and not any(isinstance(OmegaConf.select(cfg, key), DictConfig) for cfg in full)  # a choice of a group
+            )
+
+        return [f"++{argument}" if theirs(argument) else argument for argument in arguments]
+    return arguments
 
 
 def _swept():

@@ -196,10 +196,10 @@ def test_help_lists_what_there_is(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), ["type +study=NAME", "decimation, holes, missing_parts, normal_noise"]),
+        ((), ["type +study=NAME", "NAME one of anatomy, decimation", "holes, missing_parts, normal_noise"]),
         (("+study=shotnoise",), ["Could not find 'study/shotnoise'", "shot_noise"]),
         (("+study=holes", "dataset=pbs"), ["Could not find 'dataset/pbs'", "psb"]),
-        (("+study=holes", "repeat=3"), ["Could not override 'repeat'", "levels, repeats, results_dir"]),
+        (("+study=holes", "repeat=3"), ["Could not override 'repeat'", "repeats, results_dir, trial.timeout"]),
         (("+study=holes", "dataset=psb", "dataset.root=/nowhere"), ["segeval.cs.princeton.edu", "/nowhere"]),
         (("+study=holes", "dataset=files"), ["dataset.glob="]),
         (("+study=holes", "dataset.models=[cat]"), ["cat", "ant, bunny, cow"]),
