@@ -5,6 +5,7 @@ PNG, pictures of surfaces as PNG of 300 dots an inch; drawn again, each has the 
 """
 
 import logging
+import textwrap
 
 import matplotlib
 import numpy as np
@@ -208,7 +209,7 @@ def gallery(pictures, rows, axes, style, title):
                     if scale <= LARGEST_SCALE]  # fmt: skip
         lines.append([(picture, caption) for picture, caption, _ in line])
     what = f": {next(iter(axes.values()))} ({_units(rows)})" if len(axes) == 1 else ""
-    return grid(lines, f"{title}{what}, and the Change Percentage (CP)")[0]
+    return grid(lines, f"{title}{what}; CP: Change Percentage")[0]
 
 
 def _shrunk(picture, share):
@@ -243,7 +244,9 @@ def grid(lines, heading=None, below=0.0):
     heights = [min((cell - gap) * pictures[0].shape[0] / pictures[0].shape[1], 1.4 * cell) for pictures, _ in lines]
     captions_lines = [1 + max(caption.count("\n") for caption in captions) for _, captions in lines]
     tops = [0.14 * count + 0.04 for count in captions_lines]
-    head = 0.26 if heading else 0.0
+    # A line of the heading holds some fifteen letters an inch.
+    heading = "\n".join(textwrap.wrap(heading or "", max(int(15 * width), 30)))
+    head = 0.1 + 0.16 * (1 + heading.count("\n")) if heading else 0.0
     total = head + sum(heights) + sum(tops) + below * len(lines)
     figure = Figure(figsize=(width, total))
     if heading:

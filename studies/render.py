@@ -202,7 +202,7 @@ def pictures(task):
     Parameters
     ----------
     task : (list of trials of one model, style), where style says how the variants are drawn
-        "variant": segmented, in the frame of the original
+        "variant": segmented, all in one frame
         "on_original": so, and above it the original with the variant's segments (paper, Figure 10)
         "transparent": the faces that the original does not have, black, seen through the rest (Figure 11)
         "edges": with the edges of the triangles (Figure 13)
@@ -210,11 +210,15 @@ def pictures(task):
     """
     trials, style = task
     reference = trials[0].prepare()
+    variants = [trial.variant(reference) for trial in trials]
     view = view_of(np.asarray(reference.mesh.vertices))
+    if style != "scaled":
+        # What sticks out of the original is to be seen too.
+        view = framed(np.concatenate([reference.mesh.vertices, *(v.mesh.vertices for v in variants)]), view.axes)
     original = surface(reference.mesh, view, labels=reference.labels, edges=style == "edges")
     if style == "on_original":
         original = np.concatenate([original, np.full_like(original, 255)])
-    return [original, *(_variant(trial.variant(reference), view, style) for trial in trials)]
+    return [original, *(_variant(variant, view, style) for variant in variants)]
 
 
 def _variant(variant, view, style):
