@@ -143,7 +143,7 @@ def _levels(axes, table, label):
         texts.append("" if near else f"{level:g}")
         last = last if near else level
     axes.set_xticks(levels, texts)
-    axes.set_ylim(bottom=0, top=None if np.nanmax(table["mean"], initial=0) > 0 else 1)
+    axes.set_ylim(bottom=0, top=None if table["mean"].max() > 0 else 1)
     axes.grid()
 
 
