@@ -203,7 +203,7 @@ def pictures(task):
     ----------
     task : (list of trials of one model, style), where style says how the variants are drawn
         "variant": segmented, all in one frame
-        "on_original": so, and above it the original with the variant's segments (paper, Figure 10)
+        "on_original": so, and above it the original, in a frame of its own, with the variant's segments (Figure 10)
         "transparent": the faces that the original does not have, black, seen through the rest (Figure 11)
         "edges": with the edges of the triangles (Figure 13)
         "scaled": in a frame of its own, for a gallery that draws it in proportion (Figure 14)
@@ -211,30 +211,32 @@ def pictures(task):
     trials, style = task
     reference = trials[0].prepare()
     variants = [trial.variant(reference) for trial in trials]
-    view = view_of(np.asarray(reference.mesh.vertices))
+    own = wide = view_of(np.asarray(reference.mesh.vertices))
     if style != "scaled":
         # What sticks out of the original is to be seen too.
-        view = framed(np.concatenate([reference.mesh.vertices, *(v.mesh.vertices for v in variants)]), view.axes)
-    original = surface(reference.mesh, view, labels=reference.labels, edges=style == "edges")
+        wide = framed(np.concatenate([reference.mesh.vertices, *(v.mesh.vertices for v in variants)]), own.axes)
+    original = surface(
+        reference.mesh, own if style == "on_original" else wide, labels=reference.labels, edges=style == "edges"
+    )
     if style == "on_original":
         original = np.concatenate([original, np.full_like(original, 255)])
-    return [original, *(_variant(variant, view, style) for variant in variants)]
+    return [original, *(_variant(variant, own, wide, style) for variant in variants)]
 
 
-def _variant(variant, view, style):
+def _variant(variant, own, wide, style):
     before, after = variant.compared()
     labels = named_as(before, after, variant.labels)
     original = variant.reference.mesh
     if style == "transparent":
         added = added_faces(original.faces, variant.mesh.faces, variant.counterpart)
-        return surface(variant.mesh, view, labels=labels, solid=added, opacity=TRANSPARENT)
+        return surface(variant.mesh, wide, labels=labels, solid=added, opacity=TRANSPARENT)
     if style == "scaled":
-        view = framed(np.asarray(variant.mesh.vertices), view.axes)
-    drawn = surface(variant.mesh, view, labels=labels, edges=style == "edges")
+        wide = framed(np.asarray(variant.mesh.vertices), own.axes)
+    drawn = surface(variant.mesh, wide, labels=labels, edges=style == "edges")
     if style == "on_original":
         # Where a vertex is gone it has no label, and is grey.
         carried = np.where(variant.counterpart < 0, -1, labels[variant.counterpart])
-        return np.concatenate([surface(original, view, labels=carried), drawn])
+        return np.concatenate([surface(original, own, labels=carried), drawn])
     return drawn
 
 
