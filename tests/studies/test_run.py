@@ -104,15 +104,22 @@ def test_the_same_command_again_runs_nothing_and_changes_nothing(small_study):
     assert before == {name: (results / name).read_bytes() for name in before}
 
 
-def test_one_worker_two_workers_and_none_give_the_same_rows_and_table(small_study, folder):
+@pytest.mark.parametrize(
+    "engine",
+    [
+        "engine=serial",
+        pytest.param("engine.workers=1", marks=pytest.mark.slow),
+        pytest.param("engine.workers=4", marks=pytest.mark.slow),
+    ],
+)
+def test_any_number_of_workers_gives_the_same_rows_and_table(small_study, folder, engine):
     rows = untimed(pd.read_parquet(small_study[1] / "trials.parquet"))
-    for engine in ("engine.workers=1", "engine=serial"):
-        done = run(folder, *SMALL, engine, "gallery.models=0", f"results_dir={engine[-1]}")
-        assert done.returncode == 0, done.stderr
-        results = folder / engine[-1] / "shot_noise" / "files"
-        pd.testing.assert_frame_equal(untimed(pd.read_parquet(results / "trials.parquet")), rows)
-        assert (results / "table.csv").read_bytes() == (small_study[1] / "table.csv").read_bytes()
-        assert not (results / "gallery.png").exists()
+    done = run(folder, *SMALL, engine, "gallery.models=0")
+    assert done.returncode == 0, done.stderr
+    results = folder / "results" / "shot_noise" / "files"
+    pd.testing.assert_frame_equal(untimed(pd.read_parquet(results / "trials.parquet")), rows)
+    assert (results / "table.csv").read_bytes() == (small_study[1] / "table.csv").read_bytes()
+    assert not (results / "gallery.png").exists()
 
 
 def start_and_wait_for_rows(folder, words, count):
@@ -127,6 +134,7 @@ def start_and_wait_for_rows(folder, words, count):
     return process, stored
 
 
+@pytest.mark.slow  # test_survival kills a quicker study at twenty moments
 def test_a_killed_study_goes_on_where_it_was(folder):
     words = ("+study=normal_noise", *ANT, "repeats=60", "levels=[0.1]", "engine.workers=1")
     process, stored = start_and_wait_for_rows(folder, words, 5)

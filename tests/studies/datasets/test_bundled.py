@@ -77,6 +77,7 @@ def test_the_mesh_can_be_segmented_as_it_is(model):
     assert report.n_degenerate_faces == 0
 
 
+@pytest.mark.slow
 def test_another_process_makes_the_same_bytes(model):
     mesh = model.load()
     ours = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()
