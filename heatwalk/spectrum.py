@@ -18,21 +18,22 @@ LARGEST_RESIDUAL = 1e-8
 # Components of at most this many vertices are solved densely: quicker than a factorisation, and complete.
 LARGEST_DENSE = 300
 
-# Columns of the Krylov start block, and so the exact copies of one eigenvalue that its space holds: doubled where a
-# probe finds that it was too few. Flat tori have them by eights, shapes in space by fives at most (the icosahedron's).
-# 19 pairs take 55, 70, 96, 120, 144 vectors with 1, 2, 4, 6, 8 columns, but a wider block shares each pass over the
-# factors and the basis among more of them, so that the time is much the same. The memory is not: hence fewer columns
-# for components of more than ``LARGE`` vertices.
-BLOCK_WIDTH, BLOCK_WIDTH_LARGE, LARGE = 8, 5, 200_000
+# Columns of the Krylov start block, and so the exact copies of one eigenvalue that its space holds: doubled where they
+# were too few. Shapes in space have copies by fives at most (the icosahedron's), and hardly any
+# scanned shape has them by threes. A wider block shares each pass over the factors among more columns, but needs more
+# vectors in all: 8 columns take half as long again as 3 at 5,000 to 100,000 vertices, and more memory.
+BLOCK_WIDTH = 3
 
 # An eigenpair (θ, u) of the inverse counts as found when ‖(A - σ)⁻¹ u - θ u‖ is within this of θ …
 FOUND = 1e-12
 # … and the first beyond the limit, which only bounds the others, when it is within this.
 SETTLED = 1e-5
 
-# Where as many eigenvalues θ as the block has columns lie this near one another (relative), there may be more than were
-# found: a Krylov space holds all the copies of an eigenvalue, or as many as its block has columns. Only there does the
-# probe look for others, in this many steps: with 20 pairs it would take up to an eighth of the time.
+# A Krylov space holds all the copies of an eigenvalue, or as many as its block has columns: where as many eigenvalues θ
+# are this near one another (relative), the block is taken twice as wide.
+COPIES = 1e-3
+# Where they lie a little apart, there may still be more than were found, and a probe looks for others, in this many
+# steps. With 20 pairs it takes up to an eighth of the time.
 CROWDED = 0.1
 PROBE_STEPS = 4
 
@@ -159,7 +160,7 @@ class _Component:
                     f"{_named(vertices)} has no factorisation: its stiffness is not positive semi-definite but for "
                     "rounding; very flat or very unequal triangles are the usual cause: remesh or clean the mesh"
                 ) from error
-            self.width = BLOCK_WIDTH if len(vertices) <= LARGE else BLOCK_WIDTH_LARGE
+            self.width = BLOCK_WIDTH
         self.matrix = matrix
         self.vertices = vertices
         self.root_mass = np.sqrt(mass[vertices])
@@ -226,9 +227,11 @@ class _Component:
                     and error[count] <= SETTLED * theta[count]
                 ):
                     basis.append(rest)
-                    crowded = theta[: max(count - width + 1, 0)] <= (1 + CROWDED) * theta[width - 1 : count]
+                    apart = theta[: max(count - width + 1, 0)] / theta[width - 1 : count] - 1
+                    if (apart <= COPIES).any():
+                        return None
                     largest_allowed = 1 / (limit * (1 + SAME_EIGENVALUE) - SHIFT)
-                    if crowded.any() and self._largest_outside(basis, rng) > largest_allowed:
+                    if (apart <= CROWDED).any() and self._largest_outside(basis, rng) > largest_allowed:
                         return None
                     # The inverse once more on each vector, at no cost: S V y = θ V y + rest · coupling · y_last.
                     mix, theta = mix[:, :count], theta[:count]

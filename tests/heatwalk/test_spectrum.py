@@ -211,9 +211,30 @@ def test_more_copies_of_an_eigenvalue_than_the_block_has_columns_are_all_found(c
     np.testing.assert_allclose(found, every[every <= limit], rtol=1e-9, atol=1e-9)
 
 
-def test_it_is_the_probe_that_finds_what_the_block_has_too_few_columns_for(monkeypatch):
+def nearly_copies(count, refinements):
+    """The same, of spheres that differ by a thousandth from one to the next: no two eigenvalues are equal."""
+    mesh = trimesh.creation.icosphere(refinements)
+    stiffness, mass = stiffness_and_mass(unit_area(mesh.vertices, mesh.faces), mesh.faces)
+    one = scipy.linalg.eigh(stiffness.toarray(), np.diag(mass), eigvals_only=True)
+    scale = 1 + 0.001 * np.arange(count)
+    return (
+        sp.block_diag([s * stiffness for s in scale]).tocsc(),
+        np.tile(mass, count),
+        np.sort(np.outer(scale, one).ravel()),
+    )
+
+
+@pytest.mark.parametrize(("count", "refinements", "limit"), [(9, 3, 30), (12, 2, 20), (40, 2, 20)])
+def test_crowds_of_eigenvalues_that_are_nearly_copies_are_all_found(count, refinements, limit):
+    stiffness, mass, every = nearly_copies(count, refinements)
+    found = SpectrumSolver(stiffness, mass, np.zeros(len(mass), dtype=int)).up_to(limit).eigenvalues[0]
+    np.testing.assert_allclose(found, every[every <= limit], rtol=1e-9, atol=1e-9)
+
+
+def test_it_is_the_wider_blocks_that_find_what_the_first_has_too_few_columns_for(monkeypatch):
     stiffness, mass, every = copies_of_a_sphere(12, 2)
-    monkeypatch.setattr(spectrum_module, "CROWDED", -1)  # nothing is ever that near
+    monkeypatch.setattr(spectrum_module, "COPIES", -1)  # nothing is ever that near
+    monkeypatch.setattr(spectrum_module, "CROWDED", -1)
     unprobed = SpectrumSolver(stiffness, mass, np.zeros(len(mass), dtype=int)).up_to(20).eigenvalues[0]
     assert len(unprobed) == 1 + spectrum_module.BLOCK_WIDTH < np.searchsorted(every, 20)
 
