@@ -253,6 +253,7 @@ def run(largest, folder):
                 print(f"{size:>9,} {name:<16}", json.dumps(figures[name, size]), flush=True)
         figures["import_heatwalk", 0] = measure("import_heatwalk", file)
         figures["throughput", 0] = throughput(Path(surfaces))
+        figures["load", 0] = {"average": os.getloadavg()[2], "processors": os.cpu_count()}
     return figures
 
 
@@ -306,7 +307,9 @@ def write(figures, folder):
     lines = [
         "# Performance",
         "",
-        "Made by `python -m tests.benchmarks.scaling`. CPU seconds, one thread; ratios of one run.",
+        "Made by `python -m tests.benchmarks.scaling`. CPU seconds, one thread; ratios of one run. Load average of the "
+        f"last quarter of an hour, of which 1 is this benchmark's own: {figures['load', 0]['average']:.1f} on "
+        f"{figures['load', 0]['processors']} processors.",
         "",
     ]
     lines += ["| measure | target | reached | |", "| --- | --- | --- | --- |"]
