@@ -52,8 +52,12 @@ def write(experiment, cfg, folder, rows, console):
 
 def write_origin(cfg, folder, trials):
     """Write what was run, and what it was made with and from."""
+    said = OmegaConf.create(OmegaConf.to_container(cfg, resolve=True))
+    if said.dataset.get("root"):
+        # Where the data lie on this machine is nobody else's; what they are, provenance.json says by their digests.
+        said.dataset.root = Path(str(said.dataset.root)).name
     with replacing(folder / "config.yaml") as path:
-        OmegaConf.save(cfg, path, resolve=True)
+        OmegaConf.save(said, path)
     with replacing(folder / "provenance.json") as path:
         path.write_text(json.dumps(_provenance(trials), indent=2) + "\n")
 

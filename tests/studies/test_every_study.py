@@ -44,3 +44,12 @@ def test_it_runs_and_shows_what_it_found(study, small, composed, tmp_path):
     page = (folder / "table.md").read_text()
     assert page.startswith(f"# {cfg.title} on {rows['dataset'].iloc[0]}\n")
     assert all(path.stat().st_size > 5000 for path in folder.glob("*.png"))
+
+
+def test_what_is_left_behind_does_not_say_where_the_data_lie(small, composed, tmp_path, psb_zip):
+    cfg = composed("+study=table1", *small("table1"), "engine=serial", f"results_dir={tmp_path}")
+    run_study(cfg)
+    folder = tmp_path / "table1" / "psb"
+    for name in ("config.yaml", "provenance.json", "table.md", "table.csv"):
+        assert str(psb_zip.parent) not in (folder / name).read_text()
+    assert psb_zip.name in (folder / "config.yaml").read_text()
