@@ -102,9 +102,7 @@ def maximum_inner_products(kernel):
     argmax = np.empty(len(kernel.factor), dtype=np.int64)
     maximum = np.empty(len(kernel.factor))
     for vertices in kernel.parts():
-        # The rows of a large mesh in one piece need no copy.
-        rows = kernel.factor if len(vertices) == len(kernel.factor) else kernel.factor[vertices]
-        best, maximum[vertices], _ = largest_inner_products(rows, TIE)
+        best, maximum[vertices], _ = largest_inner_products(kernel.rows(vertices), TIE)
         argmax[vertices] = vertices[best]
     return argmax, maximum
 

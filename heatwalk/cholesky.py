@@ -4,6 +4,12 @@ import numpy as np
 
 from heatwalk.compilation import compiled
 
+# Panels of at most this many columns are eliminated by loops of our own, wider ones by LAPACK and BLAS.
+NARROW = 12
+
+# Pieces wider than this are cut into several panels: half of a panel's square block is zeros, stored and multiplied.
+WIDEST = 256
+
 
 class Cholesky:
     """A = L Lᵀ of a symmetric positive definite matrix, for solving with blocks of right-hand sides.
@@ -22,7 +28,7 @@ class Cholesky:
     """
 
     def __init__(self, matrix, starts):
-        self._starts = starts
+        self._starts = starts = _cut(starts, WIDEST)
         indptr, indices = matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)  # one type, compiled once
         self._row_starts, self._rows = _rows_of_panels(indptr, indices, starts)
         self._panel_starts, self._panels = _factorise(
@@ -34,6 +40,14 @@ class Cholesky:
         x = np.array(block.T, order="C")
         _substitute(x, self._starts, self._row_starts, self._rows, self._panel_starts, self._panels)
         return x.T
+
+
+def _cut(starts, widest):
+    """``starts`` of the same pieces, those wider than ``widest`` in as many even ones as it takes."""
+    parts = -(-np.diff(starts) // widest)
+    part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    width = np.repeat(np.diff(starts), parts)
+    return np.append(np.repeat(starts[:-1], parts) + part * width // np.repeat(parts, parts), starts[-1])
 
 
 @compiled
@@ -94,6 +108,8 @@ def _factorise(indptr, indices, data, starts, row_starts, rows):
         panel_starts[j + 1] = panel_starts[j] + width * (width + row_starts[j + 1] - row_starts[j])
     panels = np.zeros(panel_starts[-1])
     place = np.empty(starts[-1], np.int64)
+    tallest = np.diff(row_starts).max()
+    fronts, work = np.empty((NARROW, tallest)), np.empty(tallest)
 
     for j in range(n_pieces):
         start, width = starts[j], starts[j + 1] - starts[j]
@@ -110,33 +126,80 @@ def _factorise(indptr, indices, data, starts, row_starts, rows):
                 elif row >= column:
                     panel[column - start, row - start] += data[i]
 
-        inverse = np.linalg.inv(np.linalg.cholesky(panel[:, :width].copy().T))
-        lower = np.dot(inverse, panel[:, width:].copy())  # Fᵀ
-        update = np.dot(lower.T, lower)
-        panel[:, :width] = inverse.T
-        panel[:, width:] = np.dot(inverse.T, lower)
+        if width <= NARROW:
+            lower = fronts[:width, : len(below)]
+            _eliminate(panel, lower)
+        else:
+            inverse = np.linalg.inv(np.linalg.cholesky(panel[:, :width].copy().T))
+            lower = np.dot(inverse, panel[:, width:].copy())  # Fᵀ
+            panel[:, :width] = inverse.T
+            panel[:, width:] = np.dot(inverse.T, lower)
 
-        # The update goes straight to the panels of the pieces that its columns are in.
+        # The update F Fᵀ goes straight to the panels of the pieces that its columns are in.
         i = 0
         while i < len(below):
             k = piece[below[i]]
             k_start, k_width = starts[k], starts[k + 1] - starts[k]
             k_below = rows[row_starts[k] : row_starts[k + 1]]
             target = panels[panel_starts[k] : panel_starts[k + 1]].reshape(k_width, k_width + len(k_below))
+            end = i
+            while end < len(below) and below[end] < k_start + k_width:
+                place[end] = below[end] - k_start
+                end += 1
             at = 0
-            for m in range(i, len(below)):
-                if below[m] < k_start + k_width:
-                    place[m] = below[m] - k_start
-                else:
-                    while k_below[at] != below[m]:
-                        at += 1
-                    place[m] = k_width + at
-            while i < len(below) and below[i] < k_start + k_width:
-                line = target[below[i] - k_start]
-                for m in range(i, len(below)):
-                    line[place[m]] -= update[i, m]
-                i += 1
+            for m in range(end, len(below)):
+                while k_below[at] != below[m]:
+                    at += 1
+                place[m] = k_width + at
+            if width > NARROW:
+                update = np.dot(lower[:, i:end].copy().T, lower[:, i:].copy())
+                for row in range(end - i):
+                    line = target[below[i + row] - k_start]
+                    for m in range(row, len(below) - i):
+                        line[place[i + m]] -= update[row, m]
+            else:
+                for row in range(i, end):
+                    product = work[: len(below) - row]
+                    product[:] = 0
+                    for column in range(width):
+                        factor, source = lower[column, row], lower[column, row:]
+                        for m in range(len(product)):
+                            product[m] += factor * source[m]
+                    line, places = target[below[row] - k_start], place[row : len(below)]
+                    for m in range(len(product)):
+                        line[places[m]] -= product[m]
+            i = end
     return panel_starts, panels
+
+
+@compiled
+def _eliminate(panel, lower):
+    """Put D⁻¹ above F D⁻¹ in place of a few columns of the matrix in ``panel``, and Fᵀ into ``lower``."""
+    width = len(panel)
+    for column in range(width):
+        line = panel[column, column:]
+        if not line[0] > 0:
+            raise np.linalg.LinAlgError("Matrix is not positive definite.")
+        scale = 1 / np.sqrt(line[0])
+        for i in range(len(line)):
+            line[i] *= scale
+        for other in range(column + 1, width):
+            factor, source, target = panel[column, other], panel[column, other:], panel[other, other:]
+            for i in range(len(target)):
+                target[i] -= factor * source[i]
+    lower[:] = panel[:, width:]
+    # Times D⁻¹, from the last column to the first: each is a combination of those behind it.
+    for column in range(width - 1, -1, -1):
+        scale = 1 / panel[column, column]
+        panel[column, column] = 1
+        for other in range(width - 1, column, -1):
+            factor, source, target = panel[column, other], panel[other, other:], panel[column, other:]
+            target[0] = 0
+            for i in range(len(target)):
+                target[i] -= factor * source[i]
+        line = panel[column, column:]
+        for i in range(len(line)):
+            line[i] *= scale
 
 
 @compiled

@@ -7,8 +7,8 @@ from heatwalk.compilation import compiled
 # Subsets of at most this many vertices are no longer cut.
 LEAF = 8
 
-# The separator is the thinnest level behind which lies between this share of a subset and the rest of it.
-MIDDLE = (0.4, 0.6)
+# Either side of a separator holds at least this share of the subset.
+LEAST_SHARE = 0.15
 
 # Vertices with more than this times √n neighbours are eliminated last: the hub of a fan, before its rim, would couple
 # every vertex of the rim with every other. (The rule of AMD, the usual minimum-degree ordering.)
@@ -29,12 +29,13 @@ def nested_dissection(matrix):
 
     Notes
     -----
-    A set of vertices is laid out in breadth-first levels from a vertex at one of its ends. A level in the middle
+    A set of vertices is laid out in breadth-first levels from a vertex at one of its ends. A level
     separates what is before it from what is behind it; it is eliminated after both, and each of them is cut in the
     same way (Alan George, "Nested dissection of a regular finite element mesh", 1973, doi:10.1137/0710032; levels of
     a pseudo-peripheral vertex: George and Liu, 1978, doi:10.1137/0715069). On a surface the levels are geodesic
-    circles, and the thinnest one lies where a limb is thinnest. Factors hold a fifth more entries than in METIS's
-    order, which takes six times as long to find.
+    circles. The one of least isoperimetric ratio is taken, its length over the square root of the smaller area it
+    bounds: as a rule where a limb begins. Against the thinnest of the levels near the middle, that takes a fifth of the
+    factor's entries away and half of its arithmetic.
     """
     n = matrix.shape[0]
     hub = np.diff(matrix.indptr) > HUB * np.sqrt(n)
@@ -99,13 +100,14 @@ def _nested_dissection(indptr, indices, vertices):
             order[place - size : place] = queue[start:stop]
             begins[place - size : place] = True
             continue
-        # Where no level ends in the middle, the last but one.
-        chosen, thinnest = n_levels - 2, size
+        # Where no level leaves enough on both sides, the last but one.
+        chosen, least = n_levels - 2, np.inf
         for level in range(n_levels - 1):
             before = level_end[level] - start
             width = before - (level_end[level - 1] - start if level > 0 else 0)
-            if MIDDLE[0] * size <= before <= MIDDLE[1] * size and width < thinnest:
-                chosen, thinnest = level, width
+            smaller = min(before, size - before)
+            if smaller >= LEAST_SHARE * size and width < least * np.sqrt(smaller):
+                chosen, least = level, width / np.sqrt(smaller)
 
         first = level_end[chosen - 1] if chosen > 0 else start
         behind, behind_end = level_end[chosen], level_end[chosen + 1]

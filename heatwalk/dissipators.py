@@ -30,17 +30,18 @@ def relative_entropy_excess(kernel, labels, weights=None):
     parts = kernel.parts()
     total = np.empty(len(labels))  # Σ_y h(x, y)
     for part in parts:
-        total[part] = kernel.factor[part] @ (kernel.factor[part].T @ measure[part])
+        factor = kernel.rows(part)
+        total[part] = factor @ (factor.T @ measure[part])
 
     order = np.argsort(labels, kind="stable")
     excess = np.empty(len(labels))
     for members in np.split(order, np.flatnonzero(np.diff(labels[order])) + 1):
         part = parts[kernel.component[members[0]]]
-        factor = kernel.factor[part]
-        heat = factor @ kernel.factor[members].sum(axis=0)
+        factor, inside = kernel.rows(part), kernel.factor[members]
+        heat = factor @ inside.sum(axis=0)
         density = np.maximum(heat, LEAST_DENSITY * heat.max())
         log_ratio = np.log(density * (measure.sum() / (measure[part] @ heat)))  # log(q_C / u)
-        excess[members] = -(kernel.factor[members] @ (factor.T @ (measure[part] * log_ratio)))
+        excess[members] = -(inside @ (factor.T @ (measure[part] * log_ratio)))
     return excess / total
 
 

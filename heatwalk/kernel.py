@@ -56,6 +56,10 @@ class HeatKernel:
         order = np.argsort(self.component, kind="stable")
         return np.split(order, np.flatnonzero(np.diff(self.component[order])) + 1)
 
+    def rows(self, part):
+        """Rows of the factor of one of the ``parts``: those of a mesh in one piece need no copy."""
+        return self.factor if len(part) == len(self.factor) else self.factor[part]
+
     def row_blocks(self, vertices):
         """Rows of the kernel among ``vertices`` of one component, in blocks of bounded size.
 

@@ -29,9 +29,22 @@ def unit_area(vertices, faces):
     # By the bounding box first: squares of coordinates near 1e-200 or 1e200 would leave the floating-point range.
     scaled = vertices / (high - low).max()
     scaled -= 0.5 * (scaled.min(axis=0) + scaled.max(axis=0))
-    a, b, c = scaled[faces.T]
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-    return scaled / np.sqrt(area)
+    return scaled / np.sqrt(areas(opposite_edges(scaled, faces)).sum())
+
+
+def opposite_edges(vertices, faces):
+    """The edge vectors opposite the corners of each face: x, y and z as (3, m) float arrays, a row a corner."""
+    corners = np.ascontiguousarray(faces.T)
+    a, b, c = np.array([coordinate[corners] for coordinate in np.ascontiguousarray(vertices.T)]).swapaxes(0, 1)
+    return np.stack([c - b, a - c, b - a], axis=1)
+
+
+def areas(opposite):
+    """Area of each face: (m,) float array, from ``opposite_edges``."""
+    x, y, z = opposite[:, :2]
+    return 0.5 * np.sqrt(
+        (x[0] * y[1] - x[1] * y[0]) ** 2 + (y[0] * z[1] - y[1] * z[0]) ** 2 + (z[0] * x[1] - z[1] * x[0]) ** 2
+    )
 
 
 def stiffness_and_mass(vertices, faces):
@@ -59,13 +72,8 @@ def stiffness_and_mass(vertices, faces):
     vertex and by 4 instead of 2: it is ``diag(1 / mass) @ stiffness / 6``.
     """
     n = len(vertices)
-    corners = faces.T.astype(np.int32)  # (3, m): half the size of int64, in the products and in the result
-    # The edge vector opposite each corner, coordinate by coordinate: (3, m) each, edge by corner.
-    opposite = [x[corners[[2, 0, 1]]] - x[corners[[1, 2, 0]]] for x in vertices.T]
-    area = np.zeros(len(faces))
-    for k in range(3):
-        area += (opposite[k - 2][0] * opposite[k - 1][1] - opposite[k - 1][0] * opposite[k - 2][1]) ** 2
-    area = 0.5 * np.sqrt(area)
+    opposite = opposite_edges(vertices, faces)
+    area = areas(opposite)
     longest = sum(x * x for x in opposite).max(axis=0)
     quarter = 4 * np.maximum(area, FLATTEST_TRIANGLE * longest)
     # A triangle of three coincident points has no edges and no area: it conducts nothing.
@@ -73,6 +81,7 @@ def stiffness_and_mass(vertices, faces):
     coupling = sum(x * x[[1, 2, 0]] for x in opposite) / quarter
     del opposite
 
+    corners = faces.T.astype(np.int32)  # half the size of int64, in the products and in the result
     i, j = corners, corners[[1, 2, 0]]
     coupling[i == j] = 0  # a face with a repeated corner couples a vertex to itself, which is no coupling
     half = sp.coo_array((coupling.ravel(), (i.ravel(), j.ravel())), shape=(n, n)).tocsr()

@@ -29,12 +29,12 @@ AXES = 3
 
 # Share of the rows' squared length that the tail may carry. The head's width is a multiple of HEAD_STEP columns, for
 # the vector registers.
-TAIL_SHARE = 1e-5
-HEAD_STEP = 8
+TAIL_SHARE = 2e-5
+HEAD_STEP = 4
 
 # Rows of a node that its axes are estimated from, and rounds of power iteration. The bounds hold for any axes, and a
 # second round costs more than it saves.
-SAMPLE = 32
+SAMPLE = 16
 ROUNDS = 1
 
 # What rounding may add to a product or a bound, relative to the product of the two lengths; also the share of a

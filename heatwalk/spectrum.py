@@ -19,13 +19,13 @@ LARGEST_RESIDUAL = 1e-8
 LARGEST_DENSE = 300
 
 # Columns of the Krylov start block, and so the exact copies of one eigenvalue that its space holds: doubled where they
-# were too few. Shapes in space have copies by fives at most (the icosahedron's), and hardly any
-# scanned shape has them by threes. A wider block shares each pass over the factors among more columns, but needs more
-# vectors in all: 8 columns take half as long again as 3 at 5,000 to 100,000 vertices, and more memory.
-BLOCK_WIDTH = 3
+# were too few, as on 1 of 38 benchmark models. A wider block shares each pass over the factors among more columns, but
+# needs more vectors in all, which cost time and memory: 82 with 2 columns, 102 with 3 for the same 20 pairs.
+BLOCK_WIDTH = 2
 
-# An eigenpair (θ, u) of the inverse counts as found when ‖(A - σ)⁻¹ u - θ u‖ is within this of θ …
-FOUND = 1e-12
+# An eigenpair (θ, u) of the inverse counts as found when ‖(A - σ)⁻¹ u - θ u‖ is within this of θ. The pair before the
+# last is found some steps earlier: those that weigh in the kernel are exact to working precision …
+FOUND = 1e-10
 # … and the first beyond the limit, which only bounds the others, when it is within this.
 SETTLED = 1e-5
 
@@ -216,7 +216,7 @@ class _Component:
                     return self._dense()
                 if size < next_look:
                     continue
-                next_look = 1.1 * size
+                next_look = 1.05 * size
                 theta, mix = (array[..., ::-1] for array in scipy.linalg.eigh(projected))
                 values = 1 / np.maximum(theta, np.finfo(float).tiny) + SHIFT
                 error = np.linalg.norm(coupling @ mix[-width:], axis=0)
@@ -264,9 +264,7 @@ class _Component:
 
     def _apply_inverse(self, block):
         """(A - σ)⁻¹, the constant projected out."""
-        image = self._inverse.solve(block)
-        image -= np.outer(self.constant, self.constant @ image)
-        return image
+        return _take_out([self.constant[:, None]], self._inverse.solve(block))[1]
 
 
 def _lanczos(apply, start):
