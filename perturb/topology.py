@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import trimesh
-from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
+from scipy.sparse.csgraph import connected_components
 
 from perturb.perturbation import (
     Parameters,
@@ -123,25 +122,18 @@ class ShortCircuits(Perturbation):
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
         """`vertices` (k, 2): the ends; `triangles` (k, 2): the faces there; `near`: the limit really used."""
         count = int(self.amount)
-        limits = np.geomspace(self.near, self.far / self.DETOUR, self.STEPS + 1)
         placed = _Tubes(mesh)
         near_used = self.near
-        later = []  # (step, start, end): pairs that the first limit does not allow
-        if count > 0:
-            for step, start, end in self._pairs(mesh, rng, limits):
-                if step > 0:
-                    later.append((step, start, end))
-                elif placed.add(start, end) and len(placed.ends) == count:
-                    break
-        for step, start, end in sorted(later, key=lambda pair: pair[0]):
-            if len(placed.ends) == count:
-                break
+        pairs = self._pairs(mesh, rng) if count > 0 else ()
+        for near, start, end in pairs:
             if placed.add(start, end):
-                near_used = limits[step]
+                near_used = near
+                if len(placed.ends) == count:
+                    break
         if len(placed.ends) < count:
             raise PerturbationError(
                 f"short_circuits: {count} tubes are asked for and {len(placed.ends)} found, with ends within "
-                f"{limits[-1]:g} bounding-box diagonals in space and beyond {self.far:g} along the edges; "
+                f"{self.far / self.DETOUR:g} bounding-box diagonals in space and beyond {self.far:g} along the edges; "
                 "lower amount or far"
             )
         return {
@@ -172,29 +164,20 @@ class ShortCircuits(Perturbation):
             triangles_added=sum(map(len, tubes)),
         )
 
-    def _pairs(
-        self, mesh: trimesh.Trimesh, rng: np.random.Generator, limits: np.ndarray
-    ) -> Iterator[tuple[int, int, int]]:
-        """Yield (step, start, end): random vertices, and ends far along the edges, within limits[step]."""
+    def _pairs(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Iterator[tuple[float, int, int]]:
+        """Yield (near, start, end): random vertices, and ends far along the edges, with `near` widening."""
+        # Here, so that importing the package does not wait for numba.
+        from perturb.places import near_but_far
+
         vertices, graph = np.asarray(mesh.vertices), edge_graph(mesh).tocsr()
         diagonal = np.linalg.norm(mesh.extents)
-        used = np.unique(mesh.faces)
-        tree = cKDTree(vertices[used])
-        sources = rng.permutation(used)[: self.SOURCES]
-        block = 8  # of the distances: few are computed in vain, and memory stays small
-        for first in range(0, len(sources), block):
-            some = sources[first : first + block]
-            # Bounded: what is farther than the limit is never reached, and stays at infinity.
-            along_surface = dijkstra(graph, indices=some, limit=self.far * diagonal)
-            balls = tree.query_ball_point(vertices[some], limits[-1] * diagonal)
-            for start, distance, ball in zip(some, along_surface, balls, strict=True):
-                ball = used[np.sort(ball)]
-                ball = ball[np.isinf(distance[ball])]
-                straight = np.linalg.norm(vertices[ball] - vertices[start], axis=1) / diagonal
-                for step, limit in enumerate(limits):
-                    if (straight <= limit).any():
-                        yield step, start, rng.choice(ball[straight <= limit])
-                        break
+        sources = rng.permutation(np.unique(mesh.faces))[: self.SOURCES]
+        for near in np.geomspace(self.near, self.far / self.DETOUR, self.STEPS + 1):
+            done = []
+            for i, ends in near_but_far(vertices, graph, sources, near * diagonal, self.far * diagonal):
+                done.append(i)
+                yield near, sources[i], rng.choice(ends)
+            sources = np.delete(sources, done)
 
 
 class _Tubes:
