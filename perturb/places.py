@@ -33,7 +33,8 @@ def near_but_far(
     size = max(RIM * near, extents.max() / MOST_CELLS)
     cells = (extents // size).astype(np.int64) + 1
     cell = np.ravel_multi_index(((vertices[used] - corner) // size).astype(np.int64).T, cells)
-    grid = corner, size, cells, np.searchsorted(np.sort(cell), np.arange(cells.prod() + 1)), used[np.argsort(cell)]
+    start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=cells.prod()))])
+    grid = corner, size, cells, start, used[np.argsort(cell)]
     n = len(vertices)
     state = np.zeros(n, np.int8), np.full(n, np.inf), np.empty(n, np.int64), np.empty(n, np.int64), np.zeros(n, bool)
     first = 0
@@ -117,6 +118,7 @@ def _follow_shortest_paths(
 
     It needs no heap, and reaches most vertices long before their distance is final.
     """
+    n = len(queue)
     waiting[:] = False
     distance[source] = 0.0
     queue[0], waiting[source] = source, True
@@ -124,7 +126,7 @@ def _follow_shortest_paths(
     while in_queue > 0 and reached < wanted:
         v = queue[head]
         waiting[v] = False
-        head, in_queue = (head + 1) % len(queue), in_queue - 1
+        head, in_queue = head + 1 if head + 1 < n else 0, in_queue - 1
         for edge in range(indptr[v], indptr[v + 1]):
             w, length = neighbours[edge], distance[v] + lengths[edge]
             too_long = length > far or length >= distance[w]
@@ -137,7 +139,8 @@ def _follow_shortest_paths(
                 reached += 1
             if not waiting[w]:
                 waiting[w] = True
-                queue[(head + in_queue) % len(queue)] = w
+                tail = head + in_queue
+                queue[tail if tail < n else tail - n] = w
                 in_queue += 1
     distance[:] = np.inf
     return reached

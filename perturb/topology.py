@@ -90,8 +90,9 @@ class ShortCircuits(Perturbation):
     not checked for crossing anything.
 
     Where fewer than `amount` tubes can be placed from SOURCES random vertices, `near` is widened in STEPS
-    equal ratios up to far / DETOUR; `applied` holds the limit really used. Should that not be enough either
-    (a flat or nearly spherical shape has no such places), PerturbationError with the number of tubes found.
+    equal ratios up to far / DETOUR, and from SOURCES_AT_LAST at the widest; `applied`
+    holds the limit really used. Should that not be enough either (a flat or nearly spherical shape has no such
+    places), PerturbationError with the number of tubes found.
     Source: paper section 6.5, which says how pairs are chosen, but not how near, how far or how joined.
     """
 
@@ -104,7 +105,8 @@ class ShortCircuits(Perturbation):
     name: ClassVar[str] = "short_circuits"
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("count",), "bridge": ("tube", "strip")}
 
-    SOURCES: ClassVar[int] = 2000
+    SOURCES: ClassVar[int] = 500
+    SOURCES_AT_LAST: ClassVar[int] = 2000
     DETOUR: ClassVar[float] = 1.5  # just below that around half a round limb, pi / 2; a flat surface has 1
     STEPS: ClassVar[int] = 5
 
@@ -171,10 +173,12 @@ class ShortCircuits(Perturbation):
 
         vertices, graph = np.asarray(mesh.vertices), edge_graph(mesh).tocsr()
         diagonal = np.linalg.norm(mesh.extents)
-        sources = rng.permutation(np.unique(mesh.faces))[: self.SOURCES]
-        for near in np.geomspace(self.near, self.far / self.DETOUR, self.STEPS + 1):
+        sources = rng.permutation(np.unique(mesh.faces))
+        limits = np.geomspace(self.near, self.far / self.DETOUR, self.STEPS + 1)
+        for near in limits:
+            tried = sources[: self.SOURCES if near < limits[-1] else self.SOURCES_AT_LAST]
             done = []
-            for i, ends in near_but_far(vertices, graph, sources, near * diagonal, self.far * diagonal):
+            for i, ends in near_but_far(vertices, graph, tried, near * diagonal, self.far * diagonal):
                 done.append(i)
                 yield near, sources[i], rng.choice(ends)
             sources = np.delete(sources, done)
@@ -187,9 +191,8 @@ class _Tubes:
         self.ends: list[tuple[int, int]] = []
         self.triangles: list[tuple[int, int]] = []
         self._faces = np.asarray(mesh.faces)
-        self._centroids = mesh.triangles_center
         self._vertices = np.asarray(mesh.vertices)
-        self._adjacent = edge_graph(mesh).tocsr()
+        self._faces_at = mesh.faces_sparse.tocsr()
         self._taken = np.zeros(len(mesh.vertices), dtype=bool)
 
     def add(self, start: int, end: int) -> bool:
@@ -198,7 +201,8 @@ class _Tubes:
         corners = np.r_[self._faces[a], self._faces[b]]
         if self._taken[corners].any() or len(np.unique(corners)) < 6:
             return False
-        if self._adjacent[self._faces[a]][:, self._faces[b]].nnz:
+        around = np.concatenate([self._incident(corner) for corner in self._faces[a]])
+        if np.isin(self._faces[b], self._faces[around]).any():
             return False
         self._taken[corners] = True
         self.ends.append((start, end))
@@ -207,9 +211,13 @@ class _Tubes:
 
     def _triangle_towards(self, vertex: int, other: int) -> int:
         """The triangle at `vertex` whose centroid is nearest to `other`."""
-        incident = np.flatnonzero((self._faces == vertex).any(axis=1))
-        distance = np.linalg.norm(self._centroids[incident] - self._vertices[other], axis=1)
-        return int(incident[distance.argmin()])
+        incident = self._incident(vertex)
+        centroids = self._vertices[self._faces[incident]].mean(axis=1)
+        return int(incident[np.linalg.norm(centroids - self._vertices[other], axis=1).argmin()])
+
+    def _incident(self, vertex: int) -> np.ndarray:
+        """(k,) the triangles at `vertex`, ascending."""
+        return np.sort(self._faces_at.indices[slice(*self._faces_at.indptr[vertex : vertex + 2])])
 
 
 def _tube(vertices: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
