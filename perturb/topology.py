@@ -90,9 +90,9 @@ class ShortCircuits(Perturbation):
     not checked for crossing anything.
 
     Where fewer than `amount` tubes can be placed from SOURCES random vertices, `near` is widened in STEPS
-    equal ratios up to far / DETOUR, and from SOURCES_AT_LAST at the widest; `applied`
-    holds the limit really used. Should that not be enough either (a flat or nearly spherical shape has no such
-    places), PerturbationError with the number of tubes found.
+    equal ratios up to far / DETOUR, where SOURCES_AT_LAST are looked at; `applied` holds the limit really used.
+    Should that not be enough either (a flat or nearly spherical shape has no such places), PerturbationError with
+    the number of tubes found.
     Source: paper section 6.5, which says how pairs are chosen, but not how near, how far or how joined.
     """
 
