@@ -32,9 +32,10 @@ def near_but_far(
     corner, extents = vertices[used].min(axis=0), np.ptp(vertices[used], axis=0)
     size = max(RIM * near, extents.max() / MOST_CELLS)
     cells = (extents // size).astype(np.int64) + 1
-    cell = np.ravel_multi_index(((vertices[used] - corner) // size).astype(np.int64).T, cells)
+    position = ((vertices - corner) // size).astype(np.int64)
+    cell = np.ravel_multi_index(position[used].T, cells)
     start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=cells.prod()))])
-    grid = corner, size, cells, start, used[np.argsort(cell)]
+    grid = position, cells, start, used[np.argsort(cell)]
     n = len(vertices)
     state = np.zeros(n, np.int8), np.full(n, np.inf), np.empty(n, np.int64), np.empty(n, np.int64), np.zeros(n, bool)
     first = 0
@@ -48,16 +49,13 @@ def near_but_far(
 @compiled
 def _next(
     vertices, indptr, neighbours, lengths, sources, first, near, far,
-    corner, size, cells, start, members, place, distance, ball, queue, waiting,
+    position, cells, start, members, place, distance, ball, queue, waiting,
 ):  # fmt: skip
     """The next source, from `first` on, that has vertices near and far, and these; none at the end of all sources."""
     for i in range(first, len(sources)):
         source = sources[i]
         in_reach, unreached = 0, 0
-        low, high = np.empty(3, np.int64), np.empty(3, np.int64)
-        for axis in range(3):
-            centre = int((vertices[source, axis] - corner[axis]) // size)
-            low[axis], high[axis] = max(centre - 1, 0), min(centre + 2, cells[axis])
+        low, high = np.maximum(position[source] - 1, 0), np.minimum(position[source] + 2, cells)
         for a in range(low[0], high[0]):
             for b in range(low[1], high[1]):
                 row = (a * cells[1] + b) * cells[2]
