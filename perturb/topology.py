@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import trimesh
-from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
+from scipy.sparse.csgraph import connected_components
 
 from perturb.perturbation import (
     Parameters,
@@ -91,8 +90,9 @@ class ShortCircuits(Perturbation):
     not checked for crossing anything.
 
     Where fewer than `amount` tubes can be placed from SOURCES random vertices, `near` is widened in STEPS
-    equal ratios up to far / DETOUR; `applied` holds the limit really used. Should that not be enough either
-    (a flat or nearly spherical shape has no such places), PerturbationError with the number of tubes found.
+    equal ratios up to far / DETOUR, where SOURCES_AT_LAST are looked at; `applied` holds the limit really used.
+    Should that not be enough either (a flat or nearly spherical shape has no such places), PerturbationError with
+    the number of tubes found.
     Source: paper section 6.5, which says how pairs are chosen, but not how near, how far or how joined.
     """
 
@@ -105,7 +105,8 @@ class ShortCircuits(Perturbation):
     name: ClassVar[str] = "short_circuits"
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("count",), "bridge": ("tube", "strip")}
 
-    SOURCES: ClassVar[int] = 2000
+    SOURCES: ClassVar[int] = 500
+    SOURCES_AT_LAST: ClassVar[int] = 2000
     DETOUR: ClassVar[float] = 1.5  # just below that around half a round limb, pi / 2; a flat surface has 1
     STEPS: ClassVar[int] = 5
 
@@ -123,25 +124,18 @@ class ShortCircuits(Perturbation):
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
         """`vertices` (k, 2): the ends; `triangles` (k, 2): the faces there; `near`: the limit really used."""
         count = int(self.amount)
-        limits = np.geomspace(self.near, self.far / self.DETOUR, self.STEPS + 1)
         placed = _Tubes(mesh)
         near_used = self.near
-        later = []  # (step, start, end): pairs that the first limit does not allow
-        if count > 0:
-            for step, start, end in self._pairs(mesh, rng, limits):
-                if step > 0:
-                    later.append((step, start, end))
-                elif placed.add(start, end) and len(placed.ends) == count:
-                    break
-        for step, start, end in sorted(later, key=lambda pair: pair[0]):
-            if len(placed.ends) == count:
-                break
+        pairs = self._pairs(mesh, rng) if count > 0 else ()
+        for near, start, end in pairs:
             if placed.add(start, end):
-                near_used = limits[step]
+                near_used = near
+                if len(placed.ends) == count:
+                    break
         if len(placed.ends) < count:
             raise PerturbationError(
                 f"short_circuits: {count} tubes are asked for and {len(placed.ends)} found, with ends within "
-                f"{limits[-1]:g} bounding-box diagonals in space and beyond {self.far:g} along the edges; "
+                f"{self.far / self.DETOUR:g} bounding-box diagonals in space and beyond {self.far:g} along the edges; "
                 "lower amount or far"
             )
         return {
@@ -172,29 +166,22 @@ class ShortCircuits(Perturbation):
             triangles_added=sum(map(len, tubes)),
         )
 
-    def _pairs(
-        self, mesh: trimesh.Trimesh, rng: np.random.Generator, limits: np.ndarray
-    ) -> Iterator[tuple[int, int, int]]:
-        """Yield (step, start, end): random vertices, and ends far along the edges, within limits[step]."""
+    def _pairs(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Iterator[tuple[float, int, int]]:
+        """Yield (near, start, end): random vertices, and ends far along the edges, with `near` widening."""
+        # Here, so that importing the package does not wait for numba.
+        from perturb.places import near_but_far
+
         vertices, graph = np.asarray(mesh.vertices), edge_graph(mesh).tocsr()
         diagonal = np.linalg.norm(mesh.extents)
-        used = np.unique(mesh.faces)
-        tree = cKDTree(vertices[used])
-        sources = rng.permutation(used)[: self.SOURCES]
-        block = 8  # of the distances: few are computed in vain, and memory stays small
-        for first in range(0, len(sources), block):
-            some = sources[first : first + block]
-            # Bounded: what is farther than the limit is never reached, and stays at infinity.
-            along_surface = dijkstra(graph, indices=some, limit=self.far * diagonal)
-            balls = tree.query_ball_point(vertices[some], limits[-1] * diagonal)
-            for start, distance, ball in zip(some, along_surface, balls, strict=True):
-                ball = used[np.sort(ball)]
-                ball = ball[np.isinf(distance[ball])]
-                straight = np.linalg.norm(vertices[ball] - vertices[start], axis=1) / diagonal
-                for step, limit in enumerate(limits):
-                    if (straight <= limit).any():
-                        yield step, start, rng.choice(ball[straight <= limit])
-                        break
+        sources = rng.permutation(np.unique(mesh.faces))
+        limits = np.geomspace(self.near, self.far / self.DETOUR, self.STEPS + 1)
+        for near in limits:
+            tried = sources[: self.SOURCES if near < limits[-1] else self.SOURCES_AT_LAST]
+            done = []
+            for i, ends in near_but_far(vertices, graph, tried, near * diagonal, self.far * diagonal):
+                done.append(i)
+                yield near, sources[i], rng.choice(ends)
+            sources = np.delete(sources, done)
 
 
 class _Tubes:
@@ -204,9 +191,8 @@ class _Tubes:
         self.ends: list[tuple[int, int]] = []
         self.triangles: list[tuple[int, int]] = []
         self._faces = np.asarray(mesh.faces)
-        self._centroids = mesh.triangles_center
         self._vertices = np.asarray(mesh.vertices)
-        self._adjacent = edge_graph(mesh).tocsr()
+        self._faces_at = mesh.faces_sparse.tocsr()
         self._taken = np.zeros(len(mesh.vertices), dtype=bool)
 
     def add(self, start: int, end: int) -> bool:
@@ -215,7 +201,8 @@ class _Tubes:
         corners = np.r_[self._faces[a], self._faces[b]]
         if self._taken[corners].any() or len(np.unique(corners)) < 6:
             return False
-        if self._adjacent[self._faces[a]][:, self._faces[b]].nnz:
+        around = np.concatenate([self._incident(corner) for corner in self._faces[a]])
+        if np.isin(self._faces[b], self._faces[around]).any():
             return False
         self._taken[corners] = True
         self.ends.append((start, end))
@@ -224,9 +211,13 @@ class _Tubes:
 
     def _triangle_towards(self, vertex: int, other: int) -> int:
         """The triangle at `vertex` whose centroid is nearest to `other`."""
-        incident = np.flatnonzero((self._faces == vertex).any(axis=1))
-        distance = np.linalg.norm(self._centroids[incident] - self._vertices[other], axis=1)
-        return int(incident[distance.argmin()])
+        incident = self._incident(vertex)
+        centroids = self._vertices[self._faces[incident]].mean(axis=1)
+        return int(incident[np.linalg.norm(centroids - self._vertices[other], axis=1).argmin()])
+
+    def _incident(self, vertex: int) -> np.ndarray:
+        """(k,) the triangles at `vertex`, ascending."""
+        return np.sort(self._faces_at.indices[slice(*self._faces_at.indptr[vertex : vertex + 2])])
 
 
 def _tube(vertices: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

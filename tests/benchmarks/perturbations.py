@@ -1,23 +1,33 @@
-"""CPU seconds of each perturbation, and over those of segmenting the same mesh.
+"""CPU seconds and memory of each perturbation, and its share of the seconds of segmenting the same mesh.
 
-python -m tests.benchmarks.perturbations [--sizes 5000 25000 400000]
+    python -m tests.benchmarks.perturbations [--sizes 5000 25000 400000] [--output results/performance]
 
-One thread, one process; the mesh has nothing cached. A share above 1 is a perturbation slower than segmenting.
+Every measurement is a process of its own with one thread, everything loaded and compiled before the clock starts; the
+mesh has nothing cached. A share above 1 is a perturbation slower than segmenting.
 """
 
 import argparse
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 import trimesh
-from threadpoolctl import threadpool_limits
 
 import heatwalk
 import perturb
-from tests.benchmarks.scaling import timed
 from tests.benchmarks.surfaces import surface
 
 SIZES = (5_000, 25_000, 400_000)
+WARM_UP = 5_000
+LARGEST_REPEATED = 25_000  # three times, of which the median counts
+SEGMENTING = "segmenting"
 PERTURBATIONS = {
     "normal_noise": perturb.NormalNoise(),
     "shot_noise": perturb.ShotNoise(),
@@ -37,34 +47,82 @@ PERTURBATIONS = {
 }
 
 
-def measure(n_vertices):
-    """Seconds of segmenting, and of each perturbation by name, on a surface of about that many vertices."""
-    vertices, faces = surface(n_vertices)
-    segmenting = timed(lambda: heatwalk.segment(vertices, faces))
-    seconds = {}
-    for name, perturbation in PERTURBATIONS.items():
-        mesh = trimesh.Trimesh(vertices, faces, process=False)
-        start = time.process_time()
-        perturbation(mesh, np.random.default_rng(0))
-        seconds[name] = time.process_time() - start
-    return segmenting, seconds
+def measure(name, surface_file):
+    """Median CPU seconds, and peak memory in bytes, in a process of its own."""
+    environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    command = [sys.executable, "-m", "tests.benchmarks.perturbations", "--measure", name, "--surface", surface_file]
+    return json.loads(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)
 
 
-def table(figures):
-    """Markdown: a row a perturbation; at each size its seconds, and in brackets its share of segmenting."""
+def _measure_here(name, surface_file):
+    with np.load(surface_file) as loaded:
+        vertices, faces = loaded["vertices"], loaded["faces"]
+    _run(name, *surface(WARM_UP))
+    seconds = []
+    for _ in range(3 if len(vertices) <= 1.1 * LARGEST_REPEATED else 1):
+        seconds.append(_run(name, vertices, faces))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    print(json.dumps({"seconds": statistics.median(seconds), "peak_bytes": peak}))
+
+
+def _run(name, vertices, faces):
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    start = time.process_time()
+    if name == SEGMENTING:
+        heatwalk.segment(vertices, faces)
+    else:
+        PERTURBATIONS[name](mesh, np.random.default_rng(0))
+    return time.process_time() - start
+
+
+def run(sizes):
+    """Every measurement: dict (name, size) -> its figures."""
+    figures = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for size in sizes:
+            file = str(Path(folder) / f"{size}.npz")
+            vertices, faces = surface(size)
+            np.savez(file, vertices=vertices, faces=faces)
+            for name in (SEGMENTING, *PERTURBATIONS):
+                figures[name, size] = measure(name, file)
+                print(f"{size:>9,} {name:<26}", json.dumps(figures[name, size]), flush=True)
+    return figures
+
+
+def table(figures, sizes):
+    """Markdown: a row a perturbation; at each size its seconds, in brackets its share of segmenting, and the memory."""
     lines = [
-        "| perturbation | " + " | ".join(f"{size:,}" for size in figures) + " |",
-        "| --- |" + " --- |" * len(figures),
-        "| segmenting | " + " | ".join(f"{segmenting:.2f}" for segmenting, _ in figures.values()) + " |",
+        "# Perturbations",
+        "",
+        "Made by `python -m tests.benchmarks.perturbations`. At each number of vertices: CPU seconds with one thread, "
+        "in brackets over those of segmenting the same mesh, and the peak memory of the process. Load average of the "
+        f"last quarter of an hour, of which 1 is this benchmark's own: {os.getloadavg()[2]:.1f} on {os.cpu_count()} "
+        "processors.",
+        "",
+        "| perturbation | " + " | ".join(f"{size:,}" for size in sizes) + " |",
+        "| --- |" + " --- |" * len(sizes),
     ]
-    for name in PERTURBATIONS:
-        cells = [f"{seconds[name]:.2f} ({seconds[name] / segmenting:.2f})" for segmenting, seconds in figures.values()]
+    for name in (SEGMENTING, *PERTURBATIONS):
+        cells = []
+        for size in sizes:
+            seconds, peak = figures[name, size]["seconds"], figures[name, size]["peak_bytes"]
+            share = seconds / figures[SEGMENTING, size]["seconds"]
+            cells.append(f"{seconds:.2f} ({share:.2f}), {peak / 1e9:.2f} GB")
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--sizes", type=int, nargs="+", default=SIZES, help="vertices of the surfaces")
-    with threadpool_limits(1):
-        print(table({size: measure(size) for size in parser.parse_args().sizes}))
+    parser.add_argument("--output", type=Path, default=Path("results/performance"))
+    parser.add_argument("--measure", choices=(SEGMENTING, *PERTURBATIONS), help=argparse.SUPPRESS)
+    parser.add_argument("--surface", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.measure:
+        _measure_here(arguments.measure, arguments.surface)
+    else:
+        written = table(run(arguments.sizes), arguments.sizes)
+        arguments.output.mkdir(parents=True, exist_ok=True)
+        (arguments.output / "perturbations.md").write_text(written)
+        print(written, end="")

@@ -6,9 +6,14 @@ import scipy.stats
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial.distance import cdist
 
 import perturb
 from perturb import PerturbationError
+from perturb.perturbation import edge_graph
+from perturb.places import near_but_far
+from perturb.topology import _Tubes
 from tests.meshes import bundled
 from tests.perturb.test_geometry import distances_along_edges
 
@@ -147,6 +152,66 @@ def test_ends_are_near_in_space_and_far_along_the_surface(short_circuited):
     for column in range(2):
         corners = np.asarray(mesh.faces)[parameters["triangles"][:, column]]
         assert (corners == parameters["vertices"][:, [column]]).any(axis=1).all()
+
+
+def all_far(mesh, far):
+    """(n, n) bool, of vertices with faces: farther along the edges than that, by all shortest paths."""
+    used = np.unique(mesh.faces)
+    far = np.isinf(dijkstra(edge_graph(mesh), limit=far))
+    far[:, np.setdiff1d(np.arange(len(mesh.vertices)), used)] = False
+    return far
+
+
+def stretched(mesh):
+    """Edges of very different lengths, and far longer ways along them than on the surface."""
+    return trimesh.Trimesh(mesh.vertices * [1, 1, 30], mesh.faces, process=False)
+
+
+def with_strays(mesh):
+    """The same with as many vertices without faces, at the same places."""
+    return trimesh.Trimesh(np.repeat(mesh.vertices, 2, axis=0), 2 * mesh.faces, process=False)
+
+
+@pytest.mark.parametrize(
+    ("model", "change"),
+    [("cow", None), ("ant", None), ("ant", with_strays), ("cow", stretched), (124, None), (203, None)],
+)
+def test_the_places_are_those_of_all_shortest_paths(model, change, request):
+    mesh = bundled(model) if isinstance(model, str) else request.getfixturevalue("psb_mesh")(model)
+    mesh = mesh if change is None else change(mesh)
+    diagonal = np.linalg.norm(mesh.extents)
+    far, straight = all_far(mesh, 0.2 * diagonal), cdist(mesh.vertices, mesh.vertices)
+    sources = rng().permutation(np.unique(mesh.faces))
+    for near in (0.01, 0.05, 0.09, 0.2 / 1.5):
+        there = far & (straight <= near * diagonal)
+        found = dict(near_but_far(mesh.vertices, edge_graph(mesh).tocsr(), sources, near * diagonal, 0.2 * diagonal))
+        assert list(found) == np.flatnonzero(there[sources].any(axis=1)).tolist()
+        for i, ends in found.items():
+            np.testing.assert_array_equal(ends, np.flatnonzero(there[sources[i]]))
+    assert len(found) > 0
+
+
+@pytest.mark.parametrize("model", ["cow", 124, 203])
+def test_the_sample_is_that_of_an_exhaustive_search(model, request):
+    mesh = bundled(model) if isinstance(model, str) else request.getfixturevalue("psb_mesh")(model)
+    circuits = perturb.ShortCircuits(8)
+    diagonal = np.linalg.norm(mesh.extents)
+    far, straight = all_far(mesh, circuits.far * diagonal), cdist(mesh.vertices, mesh.vertices) / diagonal
+    for seed in range(3):
+        generator, placed = rng(seed), _Tubes(mesh)
+        left = generator.permutation(np.unique(mesh.faces)).tolist()
+        limits = np.geomspace(circuits.near, circuits.far / circuits.DETOUR, circuits.STEPS + 1)
+        for near in limits:
+            for start in left[: 500 if near < limits[-1] else 2000]:
+                ends = np.flatnonzero(far[start] & (straight[start] <= near))
+                if len(placed.ends) < 8 and len(ends) > 0:
+                    left.remove(start)
+                    if placed.add(start, generator.choice(ends)):
+                        near_used = near
+        sample = circuits.sample(mesh, rng(seed))
+        np.testing.assert_array_equal(sample["vertices"], placed.ends)
+        np.testing.assert_array_equal(sample["triangles"], placed.triangles)
+        assert sample["near"] == near_used
 
 
 def test_near_is_widened_only_where_it_has_to_be(psb_mesh):
