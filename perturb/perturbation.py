@@ -60,6 +60,7 @@ class Perturbation(ABC):
     unit: str
 
     name: ClassVar[str]
+    version: ClassVar[int] = 1  # raised where a seed gives another result, so that stored ones are not taken for it
     neutral: ClassVar[float] = 0.0
     choices: ClassVar[dict[str, tuple[str, ...]]]
 

@@ -103,6 +103,7 @@ class ShortCircuits(Perturbation):
     bridge: str = "tube"
 
     name: ClassVar[str] = "short_circuits"
+    version: ClassVar[int] = 2
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("count",), "bridge": ("tube", "strip")}
 
     SOURCES: ClassVar[int] = 500

@@ -91,7 +91,8 @@ def _is_drawn(path, shows):
 
 def _terminal_table(title, experiment, rows, narrow):
     """The columns that fit on 80 characters; table.md has them all."""
-    shown = Table(title=title, caption="table.md says what the columns mean")
+    padding = (0, 1) if len(narrow) < 8 else (0, 1, 0, 0)
+    shown = Table(title=title, caption="table.md says what the columns mean", padding=padding)
     for key in narrow:
         shown.add_column(experiment.headings[key.removesuffix("_alone")], justify="right", no_wrap=True)
     for row in rows:

@@ -124,7 +124,9 @@ class Change(Experiment):
                 # The seed leaves out the segmenter and the perturbation's other options: methods and readings are
                 # compared under the same draws.
                 seed_of = opening(part, mesh, perturbation.name, level)
-                id_of = opening(part, mesh, recipe, level)
+                # A first version goes without saying: trials were stored before there were others.
+                of_version = {"version": perturbation.version} if perturbation.version > 1 else {}
+                id_of = opening(part, mesh, recipe | of_version, level)
                 unit = _unit(perturbation, swept)
                 for repeat in range(repeats):
                     seed = int(seed_of(repeat)[:15], 16)

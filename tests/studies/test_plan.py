@@ -45,6 +45,14 @@ def test_whatever_changes_the_result_changes_the_id_and_leaves_the_seed(composed
     assert [t.seed for t in before] == [t.seed for t in after]
 
 
+def test_a_new_version_of_a_perturbation_changes_the_id_and_leaves_the_seed(composed, monkeypatch):
+    before = plan(small(composed))
+    monkeypatch.setattr("perturb.ShotNoise.version", 2)
+    after = plan(small(composed))
+    assert not {t.trial_id for t in before} & {t.trial_id for t in after}
+    assert [t.seed for t in before] == [t.seed for t in after]
+
+
 @pytest.mark.parametrize("change", ["engine.workers=1", "engine=serial", "results_dir=elsewhere", "gallery.models=0"])
 def test_what_does_not_change_the_result_leaves_the_id(composed, change):
     assert [t.trial_id for t in plan(small(composed))] == [t.trial_id for t in plan(small(composed, change))]
