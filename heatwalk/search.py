@@ -29,7 +29,7 @@ AXES = 3
 
 # Share of the rows' squared length that the tail may carry. The head's width is a multiple of HEAD_STEP columns, for
 # the vector registers.
-TAIL_SHARE = 2e-5
+TAIL_SHARE = 1e-6
 HEAD_STEP = 4
 
 # Rows of a node that its axes are estimated from, and rounds of power iteration. The bounds hold for any axes, and a
