@@ -74,14 +74,16 @@ class Schedule:
         self._groups = (list(group) for _, group in groupby(planned, key=lambda trial: trial.shares))
         self._remote = remote
         self._waiting = {}
-        self._ready = deque()
+        self._ready = deque()  # of iterators: a model may have a hundred thousand trials
 
     def __iter__(self):
         return self
 
     def __next__(self):
-        if self._ready:
-            return self._ready.popleft()
+        while self._ready:
+            for task in self._ready[0]:
+                return task
+            self._ready.popleft()
         group = next(self._groups)
         task = Preparation(carried(group[0]) if self._remote else group[0])
         self._waiting[task] = group
@@ -97,5 +99,5 @@ class Schedule:
         if isinstance(outcome, Lost):
             return [trials.failed_row(trial, outcome.status, outcome.reason) for trial in group]
         shared = Prepared(outcome.value, outcome.seconds / len(group))
-        self._ready.extend(Measurement(trial, shared) for trial in group)
+        self._ready.append(Measurement(trial, shared) for trial in group)
         return []
