@@ -57,7 +57,7 @@ fork = multiprocessing.get_context("fork")  # for processes of their own that ha
 
 
 def typed(folder, *words):
-    """What ``python -m studies.run`` gives in a folder, with engine=serial unless another is named: CompletedProcess."""
+    """What ``python -m studies.run`` gives in a folder, with engine=serial if none is named: CompletedProcess."""
     if not any(word.startswith("engine") for word in words):
         words = (*words, "engine=serial")
 
