@@ -60,6 +60,9 @@ class Dask:
     def processes(self) -> int | None:
         return self.workers
 
+    def warm_up(self) -> None:
+        pass
+
     def run(self, function: Callable, tasks: Iterable) -> Iterator[tuple]:
         """(task, function(task) or Lost) for every task, as they finish."""
         logging.getLogger("distributed").setLevel(logging.WARNING)  # not the coming and going of workers

@@ -2,7 +2,8 @@
 
 ``engine.active()`` gives the tasks that are being worked on, to whichever thread asks; ``engine.processes`` is how many
 of them at once, None where that is not known before; ``engine.remote`` says whether they may be worked on where the
-files of this machine are not seen. `studies.cluster` has the engine for other machines.
+files of this machine are not seen. ``engine.warm_up()`` begins what ``run`` needs whatever the tasks are, and returns
+at once. `studies.cluster` has the engine for other machines.
 
 Tasks are taken a few at a time, so that an iterator that makes them (and reads their meshes) on demand holds few of
 them.
@@ -16,15 +17,19 @@ import os
 import pickle
 import re
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from importlib import import_module
 from itertools import islice
+from multiprocessing import forkserver
 from typing import ClassVar
 
 import numpy as np
 import pebble
 import psutil
+import threadpoolctl
 
 _LOOK = 0.25  # seconds between two looks at the memory of the workers; one takes some 5 ms
 _SLOTS = 1 << 15  # for the processes at work, by their id; two workers with one slot are as unlikely as harmless
@@ -78,6 +83,9 @@ class Serial:
     def processes(self) -> int:
         return 1
 
+    def warm_up(self) -> None:
+        pass
+
     def run(self, function: Callable, tasks: Iterable) -> Iterator[tuple]:
         """(task, function(task)) for every task, in order."""
         for task in tasks:
@@ -114,6 +122,9 @@ class Local:
     def processes(self) -> int:
         return self.workers or len(os.sched_getaffinity(0))
 
+    def warm_up(self) -> None:
+        context()
+
     def run(self, function: Callable, tasks: Iterable) -> Iterator[tuple]:
         """(task, function(task) or Lost) for every task, as they finish."""
         workers = self.processes
@@ -143,6 +154,20 @@ class Local:
         return [task for future, task in list(self._pending.items()) if future.running()]
 
 
+def context():
+    """How worker processes are made: forked, from a process that begins now to import what they need.
+
+    Not from this process: a fork inherits locks that other threads of its parent hold. On macOS, whose own libraries do
+    not survive any fork, each worker starts anew.
+    """
+    if sys.platform != "linux":
+        return multiprocessing.get_context("spawn")
+    found = multiprocessing.get_context("forkserver")
+    found.set_forkserver_preload(["studies.preload"])
+    forkserver.ensure_running()
+    return found
+
+
 class Processes:
     """Worker processes, each with one BLAS thread; what happens in one of them happens to its task only.
 
@@ -155,11 +180,10 @@ class Processes:
     def __init__(self, function, first, workers, timeout=None, memory=None):
         self._timeout = timeout
         self._memory = memory
-        # Not fork: a forked child inherits locks that the parent's threads hold, and native libraries' state.
-        context = multiprocessing.get_context("spawn")
-        busy = context.RawArray(ctypes.c_int64, _SLOTS)
+        made = context()
+        busy = made.RawArray(ctypes.c_int64, _SLOTS)
         self._pool = pebble.ProcessPool(
-            max_workers=workers, context=context, initializer=_prepare_worker, initargs=[function, first, busy]
+            max_workers=workers, context=made, initializer=_prepare_worker, initargs=[function, first, busy]
         )
         self._too_large = set()  # ids of the processes that were killed for their memory
         self._closed = threading.Event()
@@ -279,11 +303,8 @@ def _prepare_worker(function, first, busy):
     _function, _busy = function, busy
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_head, daemon=True).start()
-    # Libraries loaded from here on read the variables; those loaded already are told by threadpoolctl.
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ[variable] = "1"
-    import threadpoolctl
-
+    # Libraries loaded from here on read its variables; those loaded already are told by threadpoolctl.
+    import_module("studies.preload")
     threadpoolctl.threadpool_limits(1)
     with contextlib.suppress(Exception):  # the task says what it is
         pickle.loads(function)

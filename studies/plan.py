@@ -49,13 +49,14 @@ def digest(*what):
     return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()
 
 
-def opening(*what):
-    """A function: ``more`` -> ``digest(*what, *more)``. For the many trials that begin alike, and end in something."""
+def digests(what, rest=()):
+    """A function: numbers -> ``digest(*what, *numbers, *rest)``, for many trials that differ in whole numbers alone."""
     begun = hashlib.sha256(json.dumps(what, sort_keys=True)[:-1].encode())
+    end = "".join(f", {json.dumps(each, sort_keys=True)}" for each in rest) + "]"
 
-    def closed(*more):
+    def of(*numbers):
         ended = begun.copy()
-        ended.update(f", {json.dumps(more, sort_keys=True)[1:]}".encode())
+        ended.update(f"{''.join(f', {number}' for number in numbers)}{end}".encode())
         return ended.hexdigest()
 
-    return closed
+    return of

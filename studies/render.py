@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pyvista
 
 from heatwalk import faces_from_vertices
 from heatwalk.files import label_colours
@@ -109,6 +108,8 @@ def surface(
     ValueError
         when more than one of labels, colours and field is given
     """
+    import pyvista  # not before something is drawn: figures of curves take a colour from here, and no VTK
+
     if sum(shown is not None for shown in (labels, colours, field)) > 1:
         raise ValueError("a surface shows labels, colours or a field: leave out the others")
     # In units of the picture, turned to the camera, which then looks along z: coordinates of any size draw alike.

@@ -78,10 +78,12 @@ def run_study(cfg, subfolder=""):
     if cfg.on_error not in ON_ERROR:
         raise ValueError(f"on_error is {cfg.on_error!r}: give one of {', '.join(ON_ERROR)}")
     console = Console()
+    engine = hydra.utils.instantiate(cfg.engine)
+    if not cfg.dry_run:
+        engine.warm_up()
     experiment = hydra.utils.instantiate(cfg.experiment)
     trials = plan(cfg)
     folder = Path(str(cfg.results_dir)) / trials[0].study / trials[0].dataset / subfolder
-    engine = hydra.utils.instantiate(cfg.engine)
     console.print(f"{cfg.title} on {trials[0].dataset}: {len(trials):,} trials", highlight=False)
     if cfg.dry_run:
         stored = None if cfg.fresh else Rows(folder)

@@ -1,5 +1,6 @@
 """In which order the trials of a study are run: what several share is prepared first, once, and handed to each."""
 
+import pickle
 import time
 from collections import deque
 from dataclasses import dataclass
@@ -20,7 +21,9 @@ class Preparation:
     def __call__(self):
         start = time.perf_counter()
         try:
-            return Prepared(self.trial.prepare(), time.perf_counter() - start)
+            # Pickled here, once, and not by the head process for every trial.
+            pickled = pickle.dumps(self.trial.prepare(), pickle.HIGHEST_PROTOCOL)
+            return Prepared(pickled, time.perf_counter() - start)
         except Exception as error:
             return Lost("failed", trials.reason(error))
 
@@ -30,9 +33,9 @@ class Preparation:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What a group shares, and the seconds that it took: of one trial, its share of them."""
+    """What a group shares, pickled, and the seconds that it took: of one trial, its share of them."""
 
-    value: object
+    pickled: bytes
     seconds: float
 
 
@@ -45,7 +48,7 @@ class Measurement:
 
     def __call__(self):
         start = time.perf_counter()
-        row = trials.run(self.trial, self.prepared.value)
+        row = trials.run(self.trial, pickle.loads(self.prepared.pickled))
         return row | {"seconds": self.prepared.seconds + time.perf_counter() - start}
 
     def __str__(self):
@@ -74,14 +77,16 @@ class Schedule:
         self._groups = (list(group) for _, group in groupby(planned, key=lambda trial: trial.shares))
         self._remote = remote
         self._waiting = {}
-        self._ready = deque()
+        self._ready = deque()  # of iterators: a model may have a hundred thousand trials
 
     def __iter__(self):
         return self
 
     def __next__(self):
-        if self._ready:
-            return self._ready.popleft()
+        while self._ready:
+            for task in self._ready[0]:
+                return task
+            self._ready.popleft()
         group = next(self._groups)
         task = Preparation(carried(group[0]) if self._remote else group[0])
         self._waiting[task] = group
@@ -96,6 +101,6 @@ class Schedule:
         group = self._waiting.pop(task)
         if isinstance(outcome, Lost):
             return [trials.failed_row(trial, outcome.status, outcome.reason) for trial in group]
-        shared = Prepared(outcome.value, outcome.seconds / len(group))
-        self._ready.extend(Measurement(trial, shared) for trial in group)
+        shared = Prepared(outcome.pickled, outcome.seconds / len(group))
+        self._ready.append(Measurement(trial, shared) for trial in group)
         return []

@@ -11,8 +11,6 @@ from datetime import datetime
 from itertools import islice
 from pathlib import Path
 
-import pandas as pd
-
 from studies.trial import COLUMNS
 
 # The files of a results folder that hold its rows.
@@ -62,6 +60,8 @@ class Rows:
 
         further : the columns behind ``COLUMNS``, with their types
         """
+        import pandas as pd
+
         columns = COLUMNS | (further or {})
         place = {trial_id: i for i, trial_id in enumerate(trial_ids)}
         rows = (row for row in self._read() if row and row["trial_id"] in place)
@@ -157,6 +157,8 @@ def stored(folder, further=None):
 
     further : the columns behind ``COLUMNS``, with their types
     """
+    import pandas as pd
+
     table, fresher = folder / TABLE, [folder / ROWS, folder / PLANNED]
     if all(path.exists() for path in fresher) and (
         not table.exists() or max(path.stat().st_mtime_ns for path in fresher) >= table.stat().st_mtime_ns
@@ -249,6 +251,8 @@ def _good(path):
 
 
 def _frame(rows, columns):
+    import pandas as pd
+
     return pd.DataFrame(rows, columns=list(columns)).astype(columns)
 
 

@@ -1,7 +1,6 @@
 """Tables of a study: a row a level, with intervals, beside the paper's figures."""
 
 import numpy as np
-import pandas as pd
 
 RESAMPLES = 2000
 
@@ -20,6 +19,8 @@ def summary(trials, paper):
     van_dongen, rand_index_error (means), n_segments, n_segments_reference (means), n (trials that gave a figure),
     failures, paper
     """
+    import pandas as pd
+
     rows = []
     for (part, level, unit), group in trials.groupby(["part", "level", "unit"], sort=False):
         good = group[group["status"] == "ok"]
@@ -44,6 +45,8 @@ def summary(trials, paper):
 
 def by_category(trials):
     """Change Percentage by part, level and category: part, level, unit, category, mean, ci_low, ci_high, median, n."""
+    import pandas as pd
+
     return pd.DataFrame(
         {
             **dict(zip(("part", "level", "unit", "category"), key, strict=True)),
@@ -131,10 +134,14 @@ def display(table):
 
 def number(value, digits):
     """A number as text, – where there is none."""
+    import pandas as pd
+
     return "–" if pd.isna(value) else f"{value:.{digits}f}"
 
 
 def interval_text(low, high, digits):
+    import pandas as pd
+
     return "–" if pd.isna(low) else f"{low:.{digits}f} – {high:.{digits}f}"
 
 

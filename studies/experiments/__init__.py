@@ -1,6 +1,6 @@
 """Kinds of study: what is measured on a mesh, and the tables and figures made of it.
 
-Each is imported when it is asked for, and draws with libraries that it imports when it draws: every worker process
+Each is imported when it is asked for, and imports what it counts and draws with when it does so: every worker process
 imports what its trials are made of, and should not wait for the rest.
 """
 

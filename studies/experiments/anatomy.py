@@ -1,11 +1,11 @@
 """What happens inside the Heat Walk (paper, sections 3 to 5, Figures 1 to 4) and what it makes of shapes (Figure 5)."""
 
+import math
 import time
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import pandas as pd
 import trimesh
 
 from studies import plates, tables
@@ -78,7 +78,7 @@ class Anatomy(Experiment):
         return [
             Claim(f"Figure 3: {row.what}", row.paper, row.mean, row.ci_low, row.ci_high, " %", 1, higher_is_better=True)
             for row in tables["table"].itertuples()
-            if not pd.isna(row.paper)
+            if not math.isnan(row.paper)
         ]
 
     def plan(self, cfg, dataset, segmenter):
@@ -103,6 +103,8 @@ class Anatomy(Experiment):
         return trials
 
     def tables(self, rows, cfg):
+        import pandas as pd
+
         good = rows[rows["status"] == "ok"]
         measured = {
             "steps of the walk": good["n_steps"].astype(float),

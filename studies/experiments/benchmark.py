@@ -1,12 +1,12 @@
 """How far a segmentation is from people's (paper, section 6.1, Table 1)."""
 
+import math
 import time
 from dataclasses import dataclass
 from itertools import combinations
 from typing import ClassVar
 
 import numpy as np
-import pandas as pd
 
 from heatwalk import faces_from_vertices
 from studies import tables
@@ -123,6 +123,8 @@ class Benchmark(Experiment):
         return trials
 
     def tables(self, rows, cfg):
+        import pandas as pd
+
         found = [
             {"method": name, "source": "computed"} | _scores(group)
             for name, group in rows.groupby("segmenter", sort=False)
@@ -157,7 +159,7 @@ class Benchmark(Experiment):
 
 def _with_interval(row, metric):
     low, high = row[f"{metric}_low"], row[f"{metric}_high"]
-    return f"{row[metric]:.3f}" + ("" if pd.isna(low) else f" ({low:.3f} – {high:.3f})")
+    return f"{row[metric]:.3f}" + ("" if math.isnan(low) else f" ({low:.3f} – {high:.3f})")
 
 
 def _scores(rows):

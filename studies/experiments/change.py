@@ -1,6 +1,7 @@
 """How far a segmentation moves when its mesh is perturbed (paper, sections 6.2 to 6.6, Table 2)."""
 
 import json
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +9,6 @@ from typing import ClassVar
 
 import hydra.utils
 import numpy as np
-import pandas as pd
 import trimesh
 from omegaconf import OmegaConf
 
@@ -16,7 +16,7 @@ from studies import tables
 from studies.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
-from studies.plan import StudyError, digest, identity, opening, whole_number
+from studies.plan import StudyError, digest, digests, identity, whole_number
 from studies.segmenters import Segmenter
 from studies.trial import Trial
 
@@ -123,10 +123,10 @@ class Change(Experiment):
             for part, level, perturbation, swept, recipe in perturbations:
                 # The seed leaves out the segmenter and the perturbation's other options: methods and readings are
                 # compared under the same draws.
-                seed_of = opening(part, mesh, perturbation.name, level)
+                seed_of = digests((part, mesh, perturbation.name, level))
                 # A first version goes without saying: trials were stored before there were others.
                 of_version = {"version": perturbation.version} if perturbation.version > 1 else {}
-                id_of = opening(part, mesh, recipe | of_version, level)
+                id_of = digests((part, mesh, recipe | of_version, level), method)
                 unit = _unit(perturbation, swept)
                 for repeat in range(repeats):
                     seed = int(seed_of(repeat)[:15], 16)
@@ -146,7 +146,7 @@ class Change(Experiment):
                             repeat=repeat,
                             seed=seed,
                             shares=shares,
-                            trial_id=id_of(repeat, seed, *method)[:24],
+                            trial_id=id_of(repeat, seed)[:24],
                         )
                     )
         return trials
@@ -171,7 +171,7 @@ class Change(Experiment):
         for row in tables["table"].itertuples():
             part = parts(cfg)[row.part]
             said = part.get("claim")
-            if not pd.isna(row.paper):
+            if not math.isnan(row.paper):
                 what = f"{part.title}: {row.level:g} {row.unit.replace('_', ' ')}"
             elif said and np.isclose(said.level, row.level):
                 what = f"{part.title}: “{said.says}”"

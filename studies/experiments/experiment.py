@@ -1,10 +1,9 @@
 """What a kind of study is: how it is planned, and what is shown of its rows."""
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
-
-import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -31,11 +30,11 @@ class Claim:
     @property
     def verdict(self):
         """Same where the paper's figure lies in our interval, to the digits that are shown."""
-        if pd.isna(self.paper):
+        if math.isnan(self.paper):
             return "–"
         low, high, paper = (round(value, self.digits) for value in (self.low, self.high, self.paper))
-        if pd.isna(self.low) or low <= paper <= high:
-            return "same" if not pd.isna(self.low) or round(self.ours, self.digits) == paper else "differs"
+        if math.isnan(self.low) or low <= paper <= high:
+            return "same" if not math.isnan(self.low) or round(self.ours, self.digits) == paper else "differs"
         return "better" if (high < paper) != self.higher_is_better else "worse"
 
 

@@ -6,7 +6,6 @@ from itertools import combinations, groupby
 from typing import ClassVar
 
 import numpy as np
-import pandas as pd
 import trimesh
 
 from studies import tables
@@ -146,6 +145,8 @@ class Poses(Experiment):
         return trials
 
     def tables(self, rows, cfg):
+        import pandas as pd
+
         shapes = [_summary(shape, group) for shape, group in rows.groupby("part", sort=False)]
         if len(shapes) > 1:
             shapes.append(_summary("all", rows))
@@ -203,6 +204,8 @@ def _draw(task):
 
 def matrices(rows):
     """Change Percentage between the poses of each shape: dict, shape -> symmetric DataFrame, NaN where it failed."""
+    import pandas as pd
+
     found = {}
     for shape, group in rows.groupby("part", sort=False):
         good = group[group["status"] == "ok"]
@@ -218,6 +221,8 @@ def matrices(rows):
 
 
 def _summary(shape, rows):
+    import pandas as pd
+
     good = rows[rows["status"] == "ok"]
     low, high = pose_interval(list(matrices(good).values()))
     segments = pd.concat([good["n_segments"], good["n_segments_reference"]])

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import pandas as pd
 import trimesh
 
 from studies import tables
@@ -126,6 +125,8 @@ class Times(Experiment):
         return trials
 
     def tables(self, rows, cfg):
+        import pandas as pd
+
         intervals = [(float(low), float(high), paper) for low, high, paper in cfg.intervals]
         return {
             "table": pd.DataFrame(
@@ -189,6 +190,8 @@ def _times(cfg):
 
 def _unchanged(rows, low, high):
     """The shares of models that keep their number of segments from ``low`` to ``high``, by each way of counting."""
+    import pandas as pd
+
     good = rows[(rows["status"] == "ok") & rows["level"].between(low, high)]
     failed = int((rows.groupby("model")["status"].agg(lambda status: (status != "ok").any())).sum())
     coarse = good[good["level"].isin([low, USUAL_TIME, high])]

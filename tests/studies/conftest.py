@@ -1,11 +1,17 @@
 """Compose the shipped configurations as the command line does, and run what they plan."""
 
+import multiprocessing
+import os
+import subprocess
+import sys
+from tempfile import TemporaryFile
+
 import pandas as pd
 import pytest
 from hydra import compose, initialize_config_module
 
 from studies.engine import Serial
-from studies.run import run_study
+from studies.run import main, run_study
 from studies.schedule import Schedule, execute
 from studies.trial import COLUMNS
 from tests.meshes import bundled
@@ -45,6 +51,29 @@ def study(here, composed):
         return run_study(composed(*STUDY, "engine=serial", f"results_dir={results}", *words))
 
     return go
+
+
+fork = multiprocessing.get_context("fork")  # for processes of their own that have imported everything
+
+
+def typed(folder, *words):
+    """What ``python -m studies.run`` gives in a folder, with engine=serial if none is named: CompletedProcess."""
+    if not any(word.startswith("engine") for word in words):
+        words = (*words, "engine=serial")
+
+    def command(said, complained):
+        os.chdir(folder)
+        os.environ["COLUMNS"] = "80"
+        sys.argv, sys.stdout, sys.stderr = ["studies.run", *words], said, complained
+        main()
+
+    with TemporaryFile("w+") as said, TemporaryFile("w+") as complained:
+        process = fork.Process(target=command, args=(said, complained))
+        process.start()
+        process.join()
+        said.seek(0)
+        complained.seek(0)
+        return subprocess.CompletedProcess(words, process.exitcode, said.read(), complained.read())
 
 
 @pytest.fixture

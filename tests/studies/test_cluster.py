@@ -1,6 +1,7 @@
 """A real scheduler and two workers, processes of their own, over TCP on loopback."""
 
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -26,11 +27,15 @@ pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
 from studies.cluster import Dask
 
 PROJECT = str(Path(__file__).parents[2])
+ALLOWED_FAILURES = 1  # how many workers a task may lose
 
 
 def start(folder, *words):
     command = [sys.executable, "-m", "dask", *words]
-    environment = os.environ | {"PYTHONPATH": PROJECT}  # as if it was installed
+    environment = os.environ | {
+        "PYTHONPATH": PROJECT,  # as if it was installed
+        "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(ALLOWED_FAILURES),
+    }
     with (folder / f"{words[0]}-{len(list(folder.iterdir()))}.log").open("wb") as log:
         return subprocess.Popen(command, cwd=folder, env=environment, stdout=log, stderr=log, start_new_session=True)
 
@@ -105,6 +110,39 @@ def test_a_worker_that_is_killed_costs_nothing(scheduler, tmp_path):
     outcomes |= dict(results)
     assert outcomes == {(x, path): x * x for x, path in tasks}
     assert len(victims) == 2
+
+
+def kill_the_worker_at_three(x):
+    if x == 3:
+        os.kill(multiprocessing.parent_process().pid, signal.SIGKILL)
+        time.sleep(60)
+    return x
+
+
+class OneByOne:
+    """Tasks that are given when the one before has its outcome."""
+
+    def __init__(self, tasks):
+        self.left = list(tasks)
+        self.busy = False
+
+    def __iter__(self):
+        return self
+
+    def __next__(self):
+        if self.busy or not self.left:
+            raise StopIteration
+        self.busy = True
+        return self.left.pop(0)
+
+
+@pytest.mark.slow  # three workers start one after the other
+def test_a_task_that_kills_one_worker_after_the_other_is_given_up_and_the_others_go_on(scheduler):
+    tasks, outcomes = OneByOne([2, 3, 4, 5]), {}
+    for x, outcome in Dask(scheduler[0]).run(kill_the_worker_at_three, tasks):
+        outcomes[x] = outcome
+        tasks.busy = False
+    assert outcomes == {2: 2, 3: Lost("crashed", "the worker that ran it died, 2 times"), 4: 4, 5: 5}
 
 
 def test_it_says_which_tasks_the_workers_have(scheduler):

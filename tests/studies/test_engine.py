@@ -212,3 +212,11 @@ def test_options_that_make_no_sense_are_refused(options, message):
 def test_one_process_that_cannot_stop_itself_takes_no_limits(limit, value):
     with pytest.raises(ValueError, match=rf"trial\.{limit} is .* engine=serial sets no limits"):
         Serial(**{limit: value})
+
+
+def test_what_workers_are_forked_from_has_no_thread_that_a_fork_would_lose():
+    code = "import os, studies.preload; print(len(os.listdir('/proc/self/task')))"
+    environment = {key: value for key, value in os.environ.items() if not key.endswith("_NUM_THREADS")}
+    environment |= {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "1\n"

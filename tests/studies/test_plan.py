@@ -2,7 +2,7 @@ import random
 
 import pytest
 
-from studies.plan import StudyError, digest, opening, plan
+from studies.plan import StudyError, digest, digests, plan
 from tests.meshes import bundled
 
 
@@ -28,10 +28,10 @@ def test_seeds_and_ids_do_not_depend_on_what_else_is_planned(composed):
             assert (t.seed, t.trial_id) == whole[("cow", 0.2, 0)]
 
 
-def test_a_digest_is_the_same_in_one_go_and_in_two():
-    begun = opening("holes", ["ant", "π"], {"b": None, "a": 0.1})
-    assert begun(3, [4], {}) == digest("holes", ["ant", "π"], {"b": None, "a": 0.1}, 3, [4], {})
-    assert begun(5) == digest("holes", ["ant", "π"], {"a": 0.1, "b": None}, 5)
+def test_digests_that_differ_in_numbers_are_those_of_the_whole():
+    what, rest = ("holes", ["ant", "π"], {"b": None, "a": 0.1}), ({"b": [1.5, "é"], "a": {}}, 4, "x")
+    assert digests(what, rest)(3, 10**17) == digest(*what, 3, 10**17, *rest)
+    assert digests(what)(5) == digest("holes", ["ant", "π"], {"a": 0.1, "b": None}, 5)
 
 
 def test_a_plan_is_the_same_every_time(composed):

@@ -105,7 +105,7 @@ class Slow(Serial):
 
     def run(self, function, tasks):
         for task, outcome in super().run(function, tasks):
-            yield task, Prepared(outcome.value, 0.2) if isinstance(outcome, Prepared) else outcome
+            yield task, Prepared(outcome.pickled, 0.2) if isinstance(outcome, Prepared) else outcome
 
 
 def test_tasks_say_what_they_are():

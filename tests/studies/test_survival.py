@@ -1,7 +1,6 @@
 """Studies that are killed, filled, started twice and set to segmenters that do the worst."""
 
 import json
-import multiprocessing
 import os
 import re
 import resource
@@ -16,11 +15,10 @@ import pytest
 from studies import store
 from studies.store import Held, Store
 from studies.trial import TIMINGS
-from tests.studies.conftest import STUDY
+from tests.studies.conftest import STUDY, fork, typed
 from tests.studies.test_run import run
 
 FOLDER = "normal_noise/files"
-fork = multiprocessing.get_context("fork")  # a study in a process of its own that has imported everything
 
 
 def rows(results="results"):
@@ -135,7 +133,7 @@ def test_of_two_runs_at_once_the_second_says_who_the_first_is_and_stops(here):
     lock = here / "results" / FOLDER / "trials.lock"
     while not (lock.exists() and lock.read_text()):
         time.sleep(0.01)
-    second = run(here, *STUDY, "engine=serial", "repeats=1")
+    second = typed(here, *STUDY, "repeats=1")
     assert second.returncode == 2
     assert re.fullmatch(
         rf"studies\.run: error: results/{FOLDER}: process {process.pid} on \S+ since \S+ writes to this folder; .*\n",
@@ -178,7 +176,7 @@ def test_a_full_disk_is_one_clear_line_and_with_more_room_the_study_goes_on(stud
     if subprocess.run(mount, capture_output=True).returncode:
         pytest.skip("no permission to mount a small tmpfs")
     try:
-        full = run(here, *STUDY, "engine=serial", "repeats=100", "results_dir=disk")
+        full = typed(here, *STUDY, "repeats=100", "results_dir=disk")
         assert full.returncode == 2
         assert re.fullmatch(
             rf"studies\.run: error: disk/{FOLDER}/trials\.jsonl: No space left on device; .*\n", full.stderr
