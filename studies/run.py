@@ -13,6 +13,7 @@ from hydra import compose, initialize_config_module
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, InstantiationException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from studies.quoting import quoted
@@ -22,6 +23,10 @@ OWN_FOLDER = ("study", "dataset")
 
 ON_ERROR = ("continue", "stop")
 INTERRUPTED = "interrupted"
+
+
+# The jobs of a sweep that failed: their options, and the exit codes that they would have had alone.
+_failed_jobs = []
 
 
 class TrialsFailed(SystemExit):
@@ -37,10 +42,25 @@ def main() -> None:
         if stop.code == 1 and not isinstance(stop, TrialsFailed):
             print(f"\nOptions there are: {', '.join(_options())}.\nSee also --help.", file=sys.stderr)
         raise
+    if _failed_jobs:
+        print(f"\n{len(_failed_jobs)} of the sweep's studies failed, as said above:", file=sys.stderr)
+        for options, code in _failed_jobs:
+            print(f"  {options}: {'some trials failed' if code == 1 else 'could not be run'}", file=sys.stderr)
+        sys.exit(max(code for _, code in _failed_jobs))
 
 
 @hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")
 def run(cfg: DictConfig) -> None:
+    try:
+        _run(cfg)
+    except SystemExit as stop:
+        # Hydra would end the sweep here, and leave the other studies.
+        if HydraConfig.get().mode is not RunMode.MULTIRUN or stop.code not in (1, 2):
+            raise
+        _failed_jobs.append((" ".join(HydraConfig.get().overrides.task), stop.code))
+
+
+def _run(cfg):
     if "study" not in cfg:
         names = hydra.core.global_hydra.GlobalHydra.instance().config_loader().get_group_options("study")
         _stop(f"no study is named; type +study=NAME, NAME one of {', '.join(names)}")

@@ -192,6 +192,21 @@ def test_a_sweep_of_studies_alone_writes_where_single_runs_do(folder):
         assert (folder / "results" / study / "files" / "table.csv").exists()
 
 
+def test_a_sweep_goes_on_past_a_study_that_fails(folder):
+    (folder / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n")
+    words = ("+study=scaling", "dataset=files", "gallery.models=0", "levels=[2]", "repeats=1")
+    done = typed(folder, "-m", *words, "dataset.glob=none.off,bad.off,ant.off")
+    assert done.returncode == 2
+    *_, said, none, bad = done.stderr.splitlines()
+    assert said == "2 of the sweep's studies failed, as said above:"
+    assert "dataset.glob=none.off" in none
+    assert none.endswith(": could not be run")
+    assert "dataset.glob=bad.off" in bad
+    assert bad.endswith(": some trials failed")
+    table = folder / "results" / "scaling" / "files" / "dataset.glob=ant.off" / "table.csv"
+    assert pd.read_csv(table)["mean"].tolist() == [0]
+
+
 def test_help_lists_what_there_is(tmp_path):
     done = run(tmp_path, "--help")
     assert done.returncode == 0
