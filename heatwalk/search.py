@@ -27,10 +27,11 @@ LEAF = 32
 # fourth does not pay.
 AXES = 3
 
-# Share of the rows' squared length that the tail may carry. The head's width is a multiple of HEAD_STEP columns, for
-# the vector registers.
+# Share of the rows' squared length that the tail may carry.
 TAIL_SHARE = 1e-6
-HEAD_STEP = 4
+
+# Rows, and their heads, are a multiple of so many columns wide, for the vector registers.
+STEP = 4
 
 # Rows of a node that its axes are estimated from, and rounds of power iteration. The bounds hold for any axes, and a
 # second round costs more than it saves.
@@ -62,9 +63,9 @@ def largest_inner_products(rows, tie):
     n, k = rows.shape
     squares = np.einsum("ij,ij->j", rows, rows)
     tails = squares[::-1].cumsum()[::-1]
-    width = HEAD_STEP * max(1, -(-np.count_nonzero(tails > TAIL_SHARE * tails[0]) // HEAD_STEP))
-    head = np.zeros((n, width))
-    head[:, :k] = rows[:, :width]
+    width = max(STEP, _padded(np.count_nonzero(tails > TAIL_SHARE * tails[0])))
+    sorted_rows = np.zeros((n, _padded(k)))
+    sorted_rows[:, :k] = rows
 
     n_nodes = 2 * -(-n // LEAF) - 1
     order = np.arange(n)
@@ -72,14 +73,16 @@ def largest_inner_products(rows, tie):
     frame = np.zeros((n_nodes, 1 + AXES, width))
     extent = np.zeros((n_nodes, AXES + 3))
     smallest = np.full(n_nodes, n)
-    _split(head, order, span, frame, extent)
-    del head
-    rows = np.ascontiguousarray(rows[order], dtype=np.float64)
-    _measure(rows, order, span, width, extent, smallest)
+    _split(sorted_rows, order, span, frame, extent)
+    _measure(sorted_rows, order, span, width, extent, smallest)
 
     argmax, maximum = np.empty(n, dtype=np.int64), np.empty(n)
-    n_products = _search(rows, order, span, frame, extent, smallest, tie, argmax, maximum)
+    n_products = _search(sorted_rows, order, span, frame, extent, smallest, tie, argmax, maximum)
     return argmax, maximum, n_products
+
+
+def _padded(columns):
+    return -(-columns // STEP) * STEP
 
 
 # Nodes are numbered in preorder: a node of m leaves has its first child at node + 1, and the next node that is not
@@ -108,47 +111,44 @@ def _remove(vector, direction):
 
 
 @compiled
-def _split(head, order, span, frame, extent):
-    n = len(head)
+def _split(rows, order, span, frame, extent):
+    """Put the rows into the order of the tree; the frames of its nodes, and their extents up to max|d_N|."""
+    n = len(rows)
     key = np.empty(n)
     span[0, 0], span[0, 1] = 0, (n + LEAF - 1) // LEAF
     for node in range(len(span)):
         first, last = span[node, 0], span[node, 1]
         start, stop = first * LEAF, min(last * LEAF, n)
-        _set_frame(head, start, stop, frame[node], extent[node])
+        _set_frame(rows, start, stop, frame[node], extent[node], key)
         if last - first > 1:
             middle = (first + last) // 2
             span[node + 1, 0], span[node + 1, 1] = first, middle
             other = node + 2 * (middle - first)
             span[other, 0], span[other, 1] = middle, last
-            for i in range(start, stop):
-                key[i] = _dot(head[i], frame[node, 1])
-            _select(key, order, head, start, stop - 1, middle * LEAF)
+            _select(key, order, rows, start, stop - 1, middle * LEAF)
 
 
 @compiled
-def _set_frame(head, start, stop, frame, extent):
-    """The frame and the extents of the node that holds head[start:stop]."""
-    width = head.shape[1]
+def _set_frame(rows, start, stop, frame, extent, key):
+    """The frame and the extents of the node that holds rows[start:stop]; their places along its first axis as keys."""
+    width = frame.shape[1]
     step = (stop - start + SAMPLE - 1) // SAMPLE
     count = (stop - start + step - 1) // step
     for i in range(start, stop, step):
         for j in range(width):
-            frame[0, j] += head[i, j] / count
+            frame[0, j] += rows[i, j] / count
     for axis in range(1, AXES + 1):
-        _set_axis(head, start, stop, step, frame, axis)
+        _set_axis(rows, start, stop, step, frame, axis)
 
     low, high = np.full(AXES, np.inf), np.full(AXES, -np.inf)
-    remainder = np.empty(width)
     farthest = 0.0
     for i in range(start, stop):
-        for j in range(width):
-            remainder[j] = head[i, j] - frame[0, j]
-        # What is left after each axis, not the difference of squared lengths: that would lose half of the digits.
+        along, across = _coordinates(rows[i], frame)
+        key[i] = along[0]
         for axis in range(AXES):
-            along = _remove(remainder, frame[axis + 1])
-            low[axis], high[axis] = min(low[axis], along), max(high[axis], along)
-        farthest = max(farthest, _dot(remainder, remainder))
+            low[axis], high[axis] = min(low[axis], along[axis]), max(high[axis], along[axis])
+            across -= along[axis] ** 2
+        farthest = max(farthest, across)
     for axis in range(AXES):
         for j in range(width):
             frame[0, j] += (low[axis] + high[axis]) / 2 * frame[axis + 1, j]
@@ -157,16 +157,41 @@ def _set_frame(head, start, stop, frame, extent):
 
 
 @compiled
-def _set_axis(head, start, stop, step, frame, axis):
+def _coordinates(row, frame):
+    """⟨d, T_1⟩ … ⟨d, T_a⟩ of a row c + d, and |d|² with what rounding may take from it; in one pass over the row."""
+    square = along_1 = along_2 = along_3 = 0.0
+    for j in range(frame.shape[1]):
+        offset = row[j] - frame[0, j]
+        square += offset * offset
+        along_1 += offset * frame[1, j]
+        along_2 += offset * frame[2, j]
+        along_3 += offset * frame[3, j]
+    return (along_1, along_2, along_3), square * (1 + ROUNDING)
+
+
+@compiled
+def _products(query, frame):
+    """⟨q, c⟩, and ⟨q, T_1⟩ … ⟨q, T_a⟩."""
+    centre = along_1 = along_2 = along_3 = 0.0
+    for j in range(frame.shape[1]):
+        centre += query[j] * frame[0, j]
+        along_1 += query[j] * frame[1, j]
+        along_2 += query[j] * frame[2, j]
+        along_3 += query[j] * frame[3, j]
+    return centre, (along_1, along_2, along_3)
+
+
+@compiled
+def _set_axis(rows, start, stop, step, frame, axis):
     """Set frame[axis] to the direction of most variance orthogonal to the axes before it, by power iteration."""
-    width = head.shape[1]
+    width = frame.shape[1]
     direction, product, offset = np.zeros(width), np.zeros(width), np.empty(width)
     for turn in range(ROUNDS + 1):
         farthest = 0.0
         product[:] = 0.0
         for i in range(start, stop, step):
             for j in range(width):
-                offset[j] = head[i, j] - frame[0, j]
+                offset[j] = rows[i, j] - frame[0, j]
             for before in range(1, axis):
                 _remove(offset, frame[before])
             if turn > 0:
@@ -191,7 +216,7 @@ def _set_axis(head, start, stop, step, frame, axis):
 
 
 @compiled
-def _select(key, order, head, low, high, middle):
+def _select(key, order, rows, low, high, middle):
     """Rearrange low … high so that no key before ``middle`` is larger than one from it on (Hoare's quickselect)."""
     while low < high:
         a, b, c = key[low], key[(low + high) // 2], key[high]
@@ -205,8 +230,8 @@ def _select(key, order, head, low, high, middle):
             if i <= j:
                 key[i], key[j] = key[j], key[i]
                 order[i], order[j] = order[j], order[i]
-                for column in range(head.shape[1]):
-                    head[i, column], head[j, column] = head[j, column], head[i, column]
+                for column in range(rows.shape[1]):
+                    rows[i, column], rows[j, column] = rows[j, column], rows[i, column]
                 i += 1
                 j -= 1
         if middle <= j:
@@ -238,14 +263,14 @@ def _measure(rows, order, span, width, extent, smallest):
 
 @compiled
 def _search(rows, order, span, frame, extent, smallest, tie, argmax, maximum):
-    n, k = rows.shape
+    n = len(rows)
     width = frame.shape[2]
-    query = np.zeros(max(k, width))
+    query = np.empty(rows.shape[1])
     products = np.empty(LEAF)
     n_products = 0
     warm = 0  # the leaf of the answer to the query before
     for x in range(n):
-        query[:k] = rows[x]
+        query[:] = rows[x]
         head, tail = _dot(query[:width], query[:width]), _dot(query[width:], query[width:])
         # The largest product so far and its row; the smallest row tied with it, that one's product and leaf.
         best, row = head + tail, order[x]
@@ -260,15 +285,18 @@ def _search(rows, order, span, frame, extent, smallest, tie, argmax, maximum):
                 leaf = warm
                 if node >= 0:
                     first, last = span[node, 0], span[node, 1]
+                    if first <= warm < last:  # its bound would not be below the answer that it holds
+                        node += 1
+                        continue
                     reach = length * extent[node, LENGTH]
                     useful = reach >= floor
                     if useful:
-                        bound = _dot(query[:width], frame[node, 0]) + tail * extent[node, TAIL]
+                        bound, along = _products(query, frame[node])
+                        bound += tail * extent[node, TAIL]
                         across = head * (1 + ROUNDING)
                         for axis in range(AXES):
-                            along = _dot(query[:width], frame[node, axis + 1])
-                            bound += abs(along) * extent[node, axis]
-                            across -= along * along
+                            bound += abs(along[axis]) * extent[node, axis]
+                            across -= along[axis] ** 2
                         bound += np.sqrt(max(across, 0.0)) * extent[node, NORMAL]
                         slack = ROUNDING * reach
                         # Where nothing can be larger, only a tie with a smaller row counts.
@@ -276,7 +304,7 @@ def _search(rows, order, span, frame, extent, smallest, tie, argmax, maximum):
                     if not useful:
                         node += 2 * (last - first) - 1
                         continue
-                    if last - first > 1 or first == warm:
+                    if last - first > 1:
                         node += 1
                         continue
                     leaf = first
