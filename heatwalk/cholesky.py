@@ -10,6 +10,10 @@ NARROW = 12
 # Pieces wider than this are cut into several panels: half of a panel's square block is zeros, stored and multiplied.
 WIDEST = 256
 
+# Entries of the factor that are read ahead of the backward substitution. It goes from the last panel to the first, and
+# memory is a third as quick downwards as upwards: so a stretch is read upwards first, and then used from the cache.
+AHEAD = 2**15
+
 
 class Cholesky:
     """A = L Lᵀ of a symmetric positive definite matrix, for solving with blocks of right-hand sides.
@@ -31,15 +35,18 @@ class Cholesky:
         self._starts = starts = _cut(starts, WIDEST)
         indptr, indices = matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)  # one type, compiled once
         self._row_starts, self._rows = _rows_of_panels(indptr, indices, starts)
-        self._panel_starts, self._panels = _factorise(
-            indptr, indices, matrix.data, starts, self._row_starts, self._rows
-        )
+        widths = np.diff(starts)
+        self._panel_starts = np.append(0, np.cumsum(widths * (widths + np.diff(self._row_starts))))
+        self._panels = np.zeros(self._panel_starts[-1])
+        _factorise(indptr, indices, matrix.data, starts, self._row_starts, self._rows, self._panel_starts, self._panels)
 
     def solve(self, block):
         """A⁻¹ ``block``: (n, k) float array, in Fortran order."""
-        x = np.array(block.T, order="C")
+        sides = block.shape[1]
+        x = np.zeros((sides + sides % 2, len(block)))
+        x[:sides] = block.T
         _substitute(x, self._starts, self._row_starts, self._rows, self._panel_starts, self._panels)
-        return x.T
+        return x[:sides].T
 
 
 def _cut(starts, widest):
@@ -99,14 +106,10 @@ def _rows_of_panels(indptr, indices, starts):
 
 
 @compiled
-def _factorise(indptr, indices, data, starts, row_starts, rows):
+def _factorise(indptr, indices, data, starts, row_starts, rows, panel_starts, panels):
+    """Put the panels, one behind the other, into ``panels``, which is zero."""
     n_pieces = len(starts) - 1
     piece = _piece_of(starts)
-    panel_starts = np.zeros(n_pieces + 1, np.int64)
-    for j in range(n_pieces):
-        width = starts[j + 1] - starts[j]
-        panel_starts[j + 1] = panel_starts[j] + width * (width + row_starts[j + 1] - row_starts[j])
-    panels = np.zeros(panel_starts[-1])
     place = np.empty(starts[-1], np.int64)
     tallest = np.diff(row_starts).max()
     fronts, work = np.empty((NARROW, tallest)), np.empty(tallest)
@@ -169,7 +172,6 @@ def _factorise(indptr, indices, data, starts, row_starts, rows):
                     for m in range(len(product)):
                         line[places[m]] -= product[m]
             i = end
-    return panel_starts, panels
 
 
 @compiled
@@ -204,45 +206,79 @@ def _eliminate(panel, lower):
 
 @compiled
 def _substitute(x, starts, row_starts, rows, panel_starts, panels):
-    """Both substitutions in place, on each row of x."""
-    n_sides, n_pieces = len(x), len(starts) - 1
-    longest = 0
+    """Both substitutions in place, on the rows of x, two at a time: their number is even."""
+    n_pieces = len(starts) - 1
+    work = np.empty((2, (np.diff(starts) + np.diff(row_starts)).max()))
     for j in range(n_pieces):
-        longest = max(longest, starts[j + 1] - starts[j] + row_starts[j + 1] - row_starts[j])
-    work = np.empty((n_sides, longest))
-    for j in range(n_pieces):
-        start, width = starts[j], starts[j + 1] - starts[j]
+        start, stop = starts[j], starts[j + 1]
         below = rows[row_starts[j] : row_starts[j + 1]]
-        height = width + len(below)
-        work[:, :height] = 0
-        for column in range(width):
-            first = panel_starts[j] + column * height
-            line = panels[first : first + height]
-            for side in range(n_sides):
-                factor = x[side, start + column]
-                target = work[side]
-                for i in range(height):
-                    target[i] += line[i] * factor
-        for side in range(n_sides):
+        width, height = stop - start, stop - start + len(below)
+        panel = panels[panel_starts[j] : panel_starts[j + 1]].reshape(width, height)
+        one, two = work[0, :height], work[1, :height]
+        one_below, two_below = one[width:], two[width:]
+        for side in range(0, len(x), 2):
+            x_one, x_two = x[side], x[side + 1]
+            _multiply(panel, x_one[start:stop], x_two[start:stop], one, two)
             for i in range(width):
-                x[side, start + i] = work[side, i]
+                x_one[start + i] = one[i]
+                x_two[start + i] = two[i]
             for i in range(len(below)):
-                x[side, below[i]] -= work[side, width + i]
+                x_one[below[i]] -= one_below[i]
+                x_two[below[i]] -= two_below[i]
+    read, total = panel_starts[n_pieces], 0.0
     for j in range(n_pieces - 1, -1, -1):
-        start, width = starts[j], starts[j + 1] - starts[j]
+        if panel_starts[j] < read:
+            begin = max(0, min(panel_starts[j], read - AHEAD))
+            total += _sum(panels[begin:read])
+            read = begin
+        start, stop = starts[j], starts[j + 1]
         below = rows[row_starts[j] : row_starts[j + 1]]
-        height = width + len(below)
-        for side in range(n_sides):
+        width, height = stop - start, stop - start + len(below)
+        panel = panels[panel_starts[j] : panel_starts[j + 1]].reshape(width, height)
+        one, two = work[0, :height], work[1, :height]
+        one_below, two_below = one[width:], two[width:]
+        for side in range(0, len(x), 2):
+            x_one, x_two = x[side], x[side + 1]
             for i in range(width):
-                work[side, i] = x[side, start + i]
+                one[i] = x_one[start + i]
+                two[i] = x_two[start + i]
             for i in range(len(below)):
-                work[side, width + i] = -x[side, below[i]]
-        for column in range(width):
-            first = panel_starts[j] + column * height
-            line = panels[first : first + height]
-            for side in range(n_sides):
-                source = work[side]
-                total = 0.0
-                for i in range(height):
-                    total += line[i] * source[i]
-                x[side, start + column] = total
+                one_below[i] = -x_one[below[i]]
+                two_below[i] = -x_two[below[i]]
+            _multiply_transposed(panel, one, two, x_one[start:stop], x_two[start:stop])
+    return total  # of no use but that the entries have to be read for it
+
+
+@compiled
+def _sum(entries):
+    total = 0.0
+    for i in range(len(entries)):
+        total += entries[i]
+    return total
+
+
+# One loop for both sides: each entry is read once. (Two or four columns in one loop are slower.)
+
+
+@compiled
+def _multiply(panel, x_one, x_two, one, two):
+    """Put ``panel``.T @ x into ``one`` and ``two``."""
+    one[:] = 0
+    two[:] = 0
+    for column in range(len(panel)):
+        line, factor_one, factor_two = panel[column], x_one[column], x_two[column]
+        for i in range(len(line)):
+            one[i] += line[i] * factor_one
+            two[i] += line[i] * factor_two
+
+
+@compiled
+def _multiply_transposed(panel, one, two, x_one, x_two):
+    """Put ``panel`` @ ``one`` and ``two`` into x."""
+    for column in range(len(panel)):
+        line = panel[column]
+        total_one = total_two = 0.0
+        for i in range(len(line)):
+            total_one += line[i] * one[i]
+            total_two += line[i] * two[i]
+        x_one[column], x_two[column] = total_one, total_two

@@ -5,7 +5,7 @@ import numpy as np
 from heatwalk.compilation import compiled
 
 # Subsets of at most this many vertices are no longer cut.
-LEAF = 8
+LEAF = 16
 
 # Either side of a separator holds at least this share of the subset.
 LEAST_SHARE = 0.15
