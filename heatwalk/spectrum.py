@@ -6,7 +6,6 @@ from itertools import islice, pairwise
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from scipy.linalg.blas import dgemm, dtrsm
 
 # Shift σ of the shift-and-invert, in the units of a mesh of area 1. Anything from -1e-3 to -10 gives the same
 # eigenpairs; a larger one conditions the factorisation better and costs a few more Krylov steps.
@@ -19,8 +18,9 @@ LARGEST_RESIDUAL = 1e-8
 LARGEST_DENSE = 300
 
 # Columns of the Krylov start block, and so the exact copies of one eigenvalue that its space holds: doubled where they
-# were too few, as on 1 of 38 benchmark models. A wider block shares each pass over the factors among more columns, but
-# needs more vectors in all, which cost time and memory: 82 with 2 columns, 102 with 3 for the same 20 pairs.
+# were too few, as on 1 of 38 benchmark models. Even, as the inner loops take two at a time. A wider block shares each
+# pass over the factors among more columns, but needs more vectors in all, which cost time and memory: 82 with 2
+# columns, 102 with 3 for the same 20 pairs.
 BLOCK_WIDTH = 2
 
 # An eigenpair (θ, u) of the inverse counts as found when ‖(A - σ)⁻¹ u - θ u‖ is within this of θ. The pair before the
@@ -207,11 +207,13 @@ class _Component:
 
     def _krylov(self, limit):
         """Eigenpairs up to ``limit``; None where the start block had too few columns for all copies of one of them."""
+        from heatwalk.lanczos import lanczos
+
         rng = np.random.default_rng(0)
         width = self.width
         next_look = 0
         try:
-            for basis, projected, rest, coupling in _lanczos(self._apply_inverse, self._start(rng, width)):
+            for basis, projected, rest, coupling in lanczos(self._apply_inverse, self._start(rng, width)):
                 size = len(projected)
                 if 2 * size > len(self.vertices):
                     return self._dense()
@@ -250,115 +252,26 @@ class _Component:
     def _largest_outside(self, basis, rng):
         """Upper estimate of the largest eigenvalue of the inverse on what is orthogonal to ``basis``.
 
-        No start block has a part in all copies of an eigenvalue when these are more than its columns. A new random
-        vector has a part in the copies left over, and in a few steps turns to them: nothing else outside the basis
+        No start block has a part in all copies of an eigenvalue when these are more than its columns. New random
+        vectors have a part in the copies left over, and in a few steps turn to them: nothing else outside the basis
         is as large.
         """
+        from heatwalk.lanczos import lanczos
 
         def outside(block):
             return basis.take_out(self._apply_inverse(block))[1]
 
-        start = basis.take_out(self._start(rng, 1))[1]
-        *_, (_, projected, _, coupling) = islice(_lanczos(outside, start), PROBE_STEPS)
+        start = basis.take_out(self._start(rng, BLOCK_WIDTH))[1]
+        *_, (_, projected, _, coupling) = islice(lanczos(outside, start), PROBE_STEPS)
         theta, mix = scipy.linalg.eigh(projected)
-        return theta[-1] + abs(coupling[0, 0] * mix[-1, -1])
+        return theta[-1] + np.linalg.norm(coupling @ mix[-BLOCK_WIDTH:, -1])
 
     def _apply_inverse(self, block):
         """(A - σ)⁻¹, the constant projected out."""
-        return _take_out([self.constant[:, None]], self._inverse.solve(block))[1]
-
-
-def _lanczos(apply, start):
-    """Block Lanczos with full reorthogonalisation, step by step without end; overwrites ``start``.
-
-    Yields
-    ------
-    basis : _Basis of V
-    projected : Vᵀ S V, of the operator S that ``apply`` applies
-    rest, coupling : S V = V ``projected`` + ``rest`` @ ``coupling`` in the last block, with rest the next block
-    """
-    width = start.shape[1]
-    basis = _Basis(_orthonormal(start)[0])
-    projected = np.empty((0, 0))
-    while True:
-        inner, rest, coupling = basis.split(apply(basis.last))
-        projected = np.block([[projected, inner[:-width]], [inner[:-width].T, inner[-width:]]])
-        yield basis, projected, rest, coupling
-        basis.append(rest)
-
-
-class _Basis:
-    """Orthonormal columns that come in blocks; the products with them."""
-
-    def __init__(self, block):
-        self._columns = 4 * block.shape[1]  # that are stored together
-        self._chunks, self._used = [], self._columns
-        self._blocks = []
-        self.append(block)
-
-    def append(self, block):
-        n, width = block.shape
-        if self._used == self._columns:
-            self._chunks.append(np.empty((n, self._columns), order="F"))
-            self._used = 0
-        self._blocks.append(self._chunks[-1][:, self._used : self._used + width])
-        self._blocks[-1][:] = block
-        self._used += width
-
-    @property
-    def last(self):
-        return self._blocks[-1]
-
-    def _filled(self):
-        return [*self._chunks[:-1], self._chunks[-1][:, : self._used]]
-
-    def split(self, block):
-        """``block`` = basis @ inner + rest @ coupling, with rest orthonormal and orthogonal to the basis.
-
-        The image of the last block lies, but for rounding, in the last two blocks and the rest. These are taken out
-        first, so that rounding is small against what then remains, and once over the whole basis is enough.
-        """
-        recent, block = _take_out(self._blocks[-2:], block)
-        inner, block = self.take_out(block)
-        inner[-len(recent) :] += recent
-        return inner, *_orthonormal(block)
-
-    def take_out(self, block):
-        """Coefficients of ``block`` in the basis, and what is left of it; overwrites it."""
-        return _take_out(self._filled(), block)
-
-    def combine(self, mix):
-        """basis @ mix"""
-        result = np.zeros((len(self.last), mix.shape[1]), order="F")
-        start = 0
-        for chunk in self._filled() if mix.size else ():
-            stop = start + chunk.shape[1]
-            result = dgemm(1, chunk, mix[start:stop], 1, result, overwrite_c=True)
-            start = stop
-        return result
-
-
-def _take_out(chunks, block):
-    """Coefficients of ``block`` in the orthonormal columns of ``chunks``, and what is left of it; overwrites it."""
-    coefficients = []
-    for chunk in chunks:
-        coefficients.append(dgemm(1, chunk, block, trans_a=True))
-        block = dgemm(-1, chunk, coefficients[-1], 1, block, overwrite_c=True)
-    return np.concatenate(coefficients), block
-
-
-def _orthonormal(block):
-    """``block`` = q @ r with orthonormal q; overwrites it. LinAlgError where its columns depend on one another.
-
-    By Cholesky's r, twice over, for its speed and because it keeps each row's own precision: Householder's q would
-    carry rounding from large rows to the tiny ones of vertices without mass, and spoil the residual there.
-    """
-    r = np.eye(block.shape[1])
-    for _ in range(2):
-        triangle = scipy.linalg.cholesky(dgemm(1, block, block, trans_a=True))
-        block = dtrsm(1, triangle, block, side=1, overwrite_b=True)
-        r = triangle @ r
-    return block, r
+        block = self._inverse.solve(block)
+        for side in block.T:
+            side -= (self.constant @ side) * self.constant
+        return block
 
 
 def _named(vertices):
