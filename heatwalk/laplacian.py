@@ -2,7 +2,6 @@
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 # A triangle flatter than this (area over squared longest edge) is treated as if it were this flat. Its
 # stiffness stays positive semi-definite and finite: it ties its corners together instead of breaking the solver.
@@ -25,26 +24,13 @@ def unit_area(vertices, faces):
     -------
     (n, 3) float array
     """
+    from heatwalk.triangles import areas  # here, so that importing the package does not wait for numba
+
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     # By the bounding box first: squares of coordinates near 1e-200 or 1e200 would leave the floating-point range.
     scaled = vertices / (high - low).max()
     scaled -= 0.5 * (scaled.min(axis=0) + scaled.max(axis=0))
-    return scaled / np.sqrt(areas(opposite_edges(scaled, faces)).sum())
-
-
-def opposite_edges(vertices, faces):
-    """The edge vectors opposite the corners of each face: x, y and z as (3, m) float arrays, a row a corner."""
-    corners = np.ascontiguousarray(faces.T)
-    a, b, c = np.array([coordinate[corners] for coordinate in np.ascontiguousarray(vertices.T)]).swapaxes(0, 1)
-    return np.stack([c - b, a - c, b - a], axis=1)
-
-
-def areas(opposite):
-    """Area of each face: (m,) float array, from ``opposite_edges``."""
-    x, y, z = opposite[:, :2]
-    return 0.5 * np.sqrt(
-        (x[0] * y[1] - x[1] * y[0]) ** 2 + (y[0] * z[1] - y[1] * z[0]) ** 2 + (z[0] * x[1] - z[1] * x[0]) ** 2
-    )
+    return scaled / np.sqrt(areas(scaled, faces).sum())
 
 
 def stiffness_and_mass(vertices, faces):
@@ -71,16 +57,10 @@ def stiffness_and_mass(vertices, faces):
     curvature flow", 1999 (doi:10.1145/311535.311576), which the paper uses, divides by the whole area around a
     vertex and by 4 instead of 2: it is ``diag(1 / mass) @ stiffness / 6``.
     """
-    n = len(vertices)
-    opposite = opposite_edges(vertices, faces)
-    area = areas(opposite)
-    longest = sum(x * x for x in opposite).max(axis=0)
-    quarter = 4 * np.maximum(area, FLATTEST_TRIANGLE * longest)
-    # A triangle of three coincident points has no edges and no area: it conducts nothing.
-    quarter[quarter == 0] = 1
-    coupling = sum(x * x[[1, 2, 0]] for x in opposite) / quarter
-    del opposite
+    from heatwalk.triangles import couplings
 
+    n = len(vertices)
+    coupling, area = couplings(vertices, faces, FLATTEST_TRIANGLE)
     corners = faces.T.astype(np.int32)  # half the size of int64, in the products and in the result
     i, j = corners, corners[[1, 2, 0]]
     coupling[i == j] = 0  # a face with a repeated corner couples a vertex to itself, which is no coupling
@@ -88,7 +68,7 @@ def stiffness_and_mass(vertices, faces):
     off_diagonal = half + half.T.tocsr()
     stiffness = off_diagonal - sp.diags_array(off_diagonal.sum(axis=1))
     mass = np.bincount(corners.ravel(), weights=np.tile(area / 3, 3), minlength=n)
-    return stiffness.tocsc(), np.maximum(mass, LEAST_MASS * mass.mean())
+    return stiffness.T, np.maximum(mass, LEAST_MASS * mass.mean())
 
 
 def vertex_components(n_vertices, simplices):
@@ -96,6 +76,6 @@ def vertex_components(n_vertices, simplices):
 
     simplices : (m, 3) faces or (m, 2) edges
     """
-    i, j = simplices.ravel(), np.roll(simplices, -1, axis=1).ravel()
-    graph = sp.coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(n_vertices, n_vertices))
-    return connected_components(graph.tocsr(), directed=False)[1]
+    from heatwalk.triangles import connected
+
+    return connected(n_vertices, np.ascontiguousarray(simplices, np.int64))

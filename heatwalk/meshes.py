@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heatwalk.laplacian import areas, opposite_edges, vertex_components
+from heatwalk.laplacian import vertex_components
 
 # A triangle is degenerate where its height over its longest edge is at most this share of that edge. Rounding
 # alone gives collinear corners some 1e-16; files in single precision give 1e-7, a sliver and harmless.
@@ -188,11 +188,13 @@ def _degenerate_faces(vertices, faces):
 
     Collapsed: the shortest edge is at most `DEGENERATE` times the longest, so that two corners are one point.
     """
-    edges = opposite_edges(_scaled(vertices)[0], faces)
-    squares = sum(x * x for x in edges)
+    from heatwalk.triangles import areas, squared_lengths
+
+    scaled = _scaled(vertices)[0]
+    squares = squared_lengths(scaled, faces)
     longest = squares.max(axis=0)
     collapsed = squares.min(axis=0) <= DEGENERATE**2 * longest
-    return collapsed | (2 * areas(edges) <= DEGENERATE * longest), collapsed
+    return collapsed | (2 * areas(scaled, faces) <= DEGENERATE * longest), collapsed
 
 
 def _refuse(wrong, why):
