@@ -128,5 +128,8 @@ def _roots(pointer):
     smallest = np.minimum(np.arange(len(pointer)), pointer)  # on the way from each vertex to where it has got
     for _ in range(len(pointer).bit_length()):
         smallest = np.minimum(smallest, smallest[reached])
-        reached = reached[reached]
+        farther = reached[reached]
+        if np.array_equal(farther, reached):
+            break
+        reached = farther
     return smallest[reached]

@@ -26,11 +26,13 @@ def unit_area(vertices, faces):
     """
     from heatwalk.triangles import areas  # here, so that importing the package does not wait for numba
 
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low, high = (np.array([end(coordinate) for coordinate in vertices.T]) for end in (np.min, np.max))
     # By the bounding box first: squares of coordinates near 1e-200 or 1e200 would leave the floating-point range.
-    scaled = vertices / (high - low).max()
-    scaled -= 0.5 * (scaled.min(axis=0) + scaled.max(axis=0))
-    return scaled / np.sqrt(areas(scaled, faces).sum())
+    extent = (high - low).max()
+    scaled = vertices / extent
+    scaled -= 0.5 * (low / extent + high / extent)
+    scaled /= np.sqrt(areas(scaled, faces).sum())
+    return scaled
 
 
 def stiffness_and_mass(vertices, faces):

@@ -42,15 +42,18 @@ def check_mesh(vertices, faces):
     vertices, faces = check_arrays(vertices, faces)
     if len(vertices) < 4:
         raise MeshError(f"the mesh has {len(vertices)} vertices; at least 4 are needed")
-    _refuse(~np.isfinite(vertices).all(axis=1), "have NaN or infinite coordinates")
+    if not np.isfinite(vertices).all():
+        _refuse(~np.isfinite(vertices).all(axis=1), "have NaN or infinite coordinates")
     _refuse(~referenced(faces, len(vertices)), "belong to no face (remove them)")
     degenerate, collapsed = _degenerate_faces(vertices, faces)
     if degenerate.all():
         raise MeshError(f"all {len(faces)} triangles are degenerate: the mesh has no area")
-    _refuse(
-        ~referenced(faces[~collapsed], len(vertices)),
-        "have only triangles collapsed to an edge or a point (merge coincident vertices, remove collapsed triangles)",
-    )
+    if collapsed.any():
+        _refuse(
+            ~referenced(faces[~collapsed], len(vertices)),
+            "have only triangles collapsed to an edge or a point (merge coincident vertices, remove collapsed "
+            "triangles)",
+        )
     return vertices, faces
 
 
@@ -139,9 +142,8 @@ def check_arrays(vertices, faces):
     faces = _triples(faces, "faces", "iu", "integers")
     if not len(faces):
         raise MeshError(f"the mesh has {len(vertices)} vertices and no faces; a surface is needed")
-    outside = np.argwhere((faces < 0) | (faces >= len(vertices)))
-    if len(outside):
-        i, j = outside[0]
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        i, j = np.argwhere((faces < 0) | (faces >= len(vertices)))[0]
         raise MeshError(
             f"face {i} (counted from 0) refers to vertex {faces[i, j]}, but there are {len(vertices)} vertices"
         )

@@ -33,10 +33,9 @@ TAIL_SHARE = 1e-6
 # Rows, and their heads, are a multiple of so many columns wide, for the vector registers.
 STEP = 4
 
-# Rows of a node that its axes are estimated from, and rounds of power iteration. The bounds hold for any axes, and a
+# Rows of a node that its axes are estimated from, in one round of power iteration. The bounds hold for any axes, and a
 # second round costs more than it saves.
 SAMPLE = 16
-ROUNDS = 1
 
 # What rounding may add to a product or a bound, relative to the product of the two lengths; also the share of a
 # vector's squared length below which what is left of it after a projection is rounding and has no direction.
@@ -114,12 +113,12 @@ def _remove(vector, direction):
 def _split(rows, order, span, frame, extent):
     """Put the rows into the order of the tree; the frames of its nodes, and their extents up to max|d_N|."""
     n = len(rows)
-    key = np.empty(n)
+    key, sample = np.empty(n), np.empty((SAMPLE, frame.shape[2]))
     span[0, 0], span[0, 1] = 0, (n + LEAF - 1) // LEAF
     for node in range(len(span)):
         first, last = span[node, 0], span[node, 1]
         start, stop = first * LEAF, min(last * LEAF, n)
-        _set_frame(rows, start, stop, frame[node], extent[node], key)
+        _set_frame(rows, start, stop, frame[node], extent[node], key, sample)
         if last - first > 1:
             middle = (first + last) // 2
             span[node + 1, 0], span[node + 1, 1] = first, middle
@@ -129,16 +128,20 @@ def _split(rows, order, span, frame, extent):
 
 
 @compiled
-def _set_frame(rows, start, stop, frame, extent, key):
+def _set_frame(rows, start, stop, frame, extent, key, sample):
     """The frame and the extents of the node that holds rows[start:stop]; their places along its first axis as keys."""
     width = frame.shape[1]
     step = (stop - start + SAMPLE - 1) // SAMPLE
     count = (stop - start + step - 1) // step
-    for i in range(start, stop, step):
+    for i in range(count):
         for j in range(width):
-            frame[0, j] += rows[i, j] / count
+            sample[i, j] = rows[start + i * step, j]
+            frame[0, j] += sample[i, j] / count
+    for i in range(count):
+        for j in range(width):
+            sample[i, j] -= frame[0, j]
     for axis in range(1, AXES + 1):
-        _set_axis(rows, start, stop, step, frame, axis)
+        _set_axis(sample[:count], frame, axis)
 
     low, high = np.full(AXES, np.inf), np.full(AXES, -np.inf)
     farthest = 0.0
@@ -182,37 +185,34 @@ def _products(query, frame):
 
 
 @compiled
-def _set_axis(rows, start, stop, step, frame, axis):
-    """Set frame[axis] to the direction of most variance orthogonal to the axes before it, by power iteration."""
-    width = frame.shape[1]
-    direction, product, offset = np.zeros(width), np.zeros(width), np.empty(width)
-    for turn in range(ROUNDS + 1):
-        farthest = 0.0
-        product[:] = 0.0
-        for i in range(start, stop, step):
-            for j in range(width):
-                offset[j] = rows[i, j] - frame[0, j]
-            for before in range(1, axis):
-                _remove(offset, frame[before])
-            if turn > 0:
-                along = _dot(offset, direction)
-                for j in range(width):
-                    product[j] += along * offset[j]
-            elif _dot(offset, offset) > farthest:  # start from the farthest row
-                farthest = _dot(offset, offset)
-                product[:] = offset
-        # Orthogonal to working precision only after a second time.
-        for _ in range(2):
-            square = _dot(product, product)
-            for before in range(1, axis):
-                _remove(product, frame[before])
-            left = _dot(product, product)
-            if left <= square * ROUNDING:
-                return
-            for j in range(width):
-                product[j] /= np.sqrt(left)
-        direction[:] = product
-    frame[axis] = direction
+def _set_axis(sample, frame, axis):
+    """Set frame[axis] to the direction of most variance in ``sample``, whose part along it is taken from the rows.
+
+    The axes before it have been taken from them already.
+    """
+    farthest, start = 0.0, 0
+    for i in range(len(sample)):
+        square = _dot(sample[i], sample[i])
+        if square > farthest:
+            farthest, start = square, i
+    product = frame[axis]
+    for i in range(len(sample)):
+        along = _dot(sample[i], sample[start])
+        for j in range(len(product)):
+            product[j] += along * sample[i, j]
+    # Orthogonal to working precision only after a second time.
+    for _ in range(2):
+        square = _dot(product, product)
+        for before in range(1, axis):
+            _remove(product, frame[before])
+        left = _dot(product, product)
+        if left <= square * ROUNDING:
+            product[:] = 0
+            return
+        for j in range(len(product)):
+            product[j] /= np.sqrt(left)
+    for i in range(len(sample)):
+        _remove(sample[i], product)
 
 
 @compiled
