@@ -11,7 +11,9 @@ from typing import Any, ClassVar
 import numpy as np
 import trimesh
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+
+from heatwalk.laplacian import vertex_components
+from heatwalk.triangles import areas
 
 Parameters = dict[str, Any]  # what `sample` drew: arrays and numbers that `apply` turns into a mesh
 
@@ -164,10 +166,8 @@ def edge_graph(mesh: trimesh.Trimesh) -> coo_array:
 
 def _component_count(mesh: trimesh.Trimesh) -> int:
     """Connected components, through shared vertices; vertices without faces are not counted."""
-    used, faces = np.unique(mesh.faces, return_inverse=True)
-    start, end = faces.reshape(-1, 3)[:, [0, 1, 1, 2]].reshape(-1, 2).T
-    graph = coo_array((np.ones(len(start)), (start, end)), shape=(len(used), len(used)))
-    return int(connected_components(graph, directed=False, return_labels=False))
+    faces = np.asarray(mesh.faces)
+    return int(np.count_nonzero(np.bincount(vertex_components(len(mesh.vertices), faces)[faces[:, 0]])))
 
 
 def _check_usable(mesh: trimesh.Trimesh, what: str) -> None:
@@ -179,8 +179,8 @@ def _check_usable(mesh: trimesh.Trimesh, what: str) -> None:
         raise PerturbationError(f"{what} has fewer than 4 vertices ({counts})")
     if not np.isfinite(mesh.vertices).all():
         raise PerturbationError(f"{what} has coordinates that are not finite ({counts})")
-    triangles = np.asarray(mesh.vertices)[mesh.faces]
-    size = np.ptp(triangles.reshape(-1, 3), axis=0).max()
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    size = max(np.ptp(coordinate[faces]) for coordinate in vertices.T)
     # Relative to the size: an area of 1e-60 is not degenerate on a mesh of 1e-30.
-    if size == 0 or trimesh.triangles.area(triangles / size).max() < np.finfo(float).eps:
+    if size == 0 or areas(vertices / size, faces).max() < np.finfo(float).eps:
         raise PerturbationError(f"{what} has only degenerate triangles ({counts})")
