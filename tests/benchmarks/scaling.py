@@ -347,10 +347,11 @@ def write(figures, folder):
         seconds.loglog(sizes, [figures["ours", size][stage] for size in sizes], marker=".", lw=1, label=stage)
     seconds.loglog(sizes, [figures["ours", size]["seconds"] for size in sizes], "k-o", label="mesh to labels")
     others = {"scipy_eigsh": "SciPy's eigsh alone", "todays_code": "today's code", "dense": "the paper, n x n"}
-    for name, label in others.items():
+    for colour, (name, label) in enumerate(others.items(), start=len(STAGES)):
         at = sorted(size for other, size in figures if other == name)
-        seconds.loglog(at, [figures[name, size]["seconds"] for size in at], "--s", ms=4, label=label)
-        memory.loglog(at, [figures[name, size]["peak_bytes"] / 1e9 for size in at], "--s", ms=4, label=label)
+        style = {"marker": "s", "ms": 4, "ls": "--", "color": f"C{colour}", "label": label}
+        seconds.loglog(at, [figures[name, size]["seconds"] for size in at], **style)
+        memory.loglog(at, [figures[name, size]["peak_bytes"] / 1e9 for size in at], **style)
     memory.loglog(sizes, [figures["ours", size]["peak_bytes"] / 1e9 for size in sizes], "k-o", label="mesh to labels")
     seconds.set(xlabel="vertices", ylabel="CPU seconds, one thread")
     memory.set(xlabel="vertices", ylabel="peak memory of the process, GB")
