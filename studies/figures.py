@@ -215,7 +215,8 @@ def gallery(pictures, rows, axes, style, title):
 def _shrunk(picture, share):
     """A picture at a share of its size, standing at the bottom of a white one of its old size."""
     height, width, _ = picture.shape
-    small = Image.fromarray(picture).resize((round(width * share), round(height * share)), Image.Resampling.LANCZOS)
+    size = (max(1, round(side * share)) for side in (width, height))
+    small = Image.fromarray(picture).resize(tuple(size), Image.Resampling.LANCZOS)
     sheet = Image.new("RGB", (width, height), "white")
     sheet.paste(small, ((width - small.width) // 2, height - small.height))
     return np.asarray(sheet)

@@ -13,6 +13,7 @@ import trimesh
 from omegaconf import OmegaConf
 
 from studies import tables
+from studies.code import digest_of_code
 from studies.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
@@ -110,7 +111,7 @@ class Change(Experiment):
     def plan(self, cfg, dataset, segmenter):
         repeats = whole_number("repeats", cfg.repeats)
         perturbations = [
-            (name, level, perturbation, part.swept, recipe)
+            (name, level, perturbation, part.swept, recipe | _version(recipe["_target_"], perturbation))
             for name, part in parts(cfg).items()
             for recipe in [OmegaConf.to_container(part.perturbation, resolve=True) | {part.swept: None}]
             for level, perturbation in _levels(name, part)
@@ -124,9 +125,7 @@ class Change(Experiment):
                 # The seed leaves out the segmenter and the perturbation's other options: methods and readings are
                 # compared under the same draws.
                 seed_of = digests((part, mesh, perturbation.name, level))
-                # A first version goes without saying: trials were stored before there were others.
-                of_version = {"version": perturbation.version} if perturbation.version > 1 else {}
-                id_of = digests((part, mesh, recipe | of_version, level), method)
+                id_of = digests((part, mesh, recipe, level), method)
                 unit = _unit(perturbation, swept)
                 for repeat in range(repeats):
                     seed = int(seed_of(repeat)[:15], 16)
@@ -152,8 +151,9 @@ class Change(Experiment):
         return trials
 
     def tables(self, rows, cfg):
-        named = {name: part.paper for name, part in parts(cfg).items()}
-        found = {"table": tables.summary(rows, named)}
+        # Beside a perturbation of the user's own, the paper's figures would be those of another.
+        papers = {name: part.paper if _is_ours(part.perturbation._target_) else {} for name, part in parts(cfg).items()}
+        found = {"table": tables.summary(rows, papers)}
         if rows["category"].nunique() > 1:
             found["by_category"] = tables.by_category(rows)
         return found
@@ -223,6 +223,18 @@ def _levels(name, part):
     if len(set(part.levels)) < len(part.levels):
         raise StudyError(f"{name}: levels holds a value twice: {list(part.levels)}")
     return [(float(level), hydra.utils.instantiate(part.perturbation, **{part.swept: level})) for level in part.levels]
+
+
+def _is_ours(target):
+    return target.startswith("perturb.")
+
+
+def _version(target, perturbation):
+    """What says by which code a perturbation works: the version of one of ours, the code itself of the user's own."""
+    if not _is_ours(target):
+        return {"code": digest_of_code(hydra.utils.get_object(target))}
+    # A first version goes without saying: trials were stored before there were others.
+    return {"version": perturbation.version} if perturbation.version > 1 else {}
 
 
 def _unit(perturbation, swept):

@@ -1,7 +1,6 @@
 """From a configuration to a segmenter: a method of this project, a program, or whatever ``_target_`` names."""
 
 import dataclasses
-import hashlib
 import inspect
 import json
 import os
@@ -9,12 +8,12 @@ import pkgutil
 import sys
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import hydra.utils
 import numpy as np
 from omegaconf import OmegaConf
 
+from studies.code import digest_of_code
 from studies.segmenters.heat_walk import HeatWalk
 from studies.segmenters.labels import LABELS_OF, LabelError, at_vertices
 
@@ -104,7 +103,7 @@ def make(config):
     return Segmenter(
         name=str(getattr(method, "name", name.rsplit(".", 1)[-1])),
         recipe=recipe,
-        version=method.algorithm_version if hasattr(method, "algorithm_version") else _digest_of_code(target),
+        version=method.algorithm_version if hasattr(method, "algorithm_version") else digest_of_code(target),
         labels_of=labels_of,
     )
 
@@ -174,20 +173,3 @@ def _signature(function):
         return inspect.signature(function)
     except ValueError:  # some compiled functions have none; what they do not take, they refuse themselves
         return inspect.signature(lambda *_, **__: None)
-
-
-def _digest_of_code(target):
-    """SHA-256 of the Python files of the package that `target` is defined in; of its module where that is no package.
-
-    All of the package, because a method calls its neighbours.
-    """
-    module = getattr(target, "__module__", None) or type(target).__module__
-    top = sys.modules[module.partition(".")[0]]
-    folders = [Path(folder) for folder in getattr(top, "__path__", [])]
-    files = [(file.relative_to(folder), file) for folder in folders for file in folder.rglob("*.py")]
-    if not files and getattr(top, "__file__", None):
-        files = [(Path(top.__file__).name, Path(top.__file__))]
-    digest = hashlib.sha256()
-    for place, file in sorted(files):
-        digest.update(json.dumps([str(place), hashlib.sha256(file.read_bytes()).hexdigest()]).encode())
-    return digest.hexdigest()

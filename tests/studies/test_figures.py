@@ -77,3 +77,9 @@ def test_every_level_that_has_room_has_its_number(levels):
     rows = pd.DataFrame([{"model": "m", "level": level, "change_percentage": 1.0} for level in levels])
     (axes,) = figures.curve(table("decimation", levels, np.nan), rows, "kept", "Decimation").axes
     assert [text.get_text() for text in axes.get_xticklabels()] == ["0.1", "0.25", "0.5", "0.75"]
+
+
+def test_a_picture_drawn_in_proportion_keeps_a_dot_of_the_smallest_scale():
+    shrunk = figures._shrunk(np.zeros((90, 120, 3), np.uint8), 1e-6)
+    assert shrunk.shape == (90, 120, 3)
+    assert (shrunk < 255).any(axis=2).sum() == 1
