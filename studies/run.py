@@ -5,9 +5,7 @@ module again, and `--help` should not wait for them.
 """
 
 import sys
-import threading
 from contextlib import closing, suppress
-from importlib import import_module
 from pathlib import Path
 
 import hydra
@@ -183,7 +181,6 @@ def _run_missing(engine, missing, store, console, stop):
     if not missing:
         return ""
     tasks = schedule.Schedule(missing, engine.remote)
-    threading.Thread(target=_import_ahead, daemon=True).start()
     try:
         with (
             Progress(len(missing), engine, console) as progress,
@@ -198,13 +195,6 @@ def _run_missing(engine, missing, store, console, stop):
     except KeyboardInterrupt:
         return INTERRUPTED
     return ""
-
-
-def _import_ahead():
-    """Import, while the trials run, what shows them."""
-    with suppress(Exception):  # what is missing is said where it is needed
-        for module in ("pandas", "pyarrow.parquet", "studies.figures"):
-            import_module(module)
 
 
 def _of_swept_studies(arguments):
