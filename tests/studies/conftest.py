@@ -44,6 +44,16 @@ def here(tmp_path, monkeypatch):
 
 
 @pytest.fixture
+def own_modules(tmp_path, monkeypatch):
+    """A folder for modules of the user's own: its path, which `sys.path` and `sys.modules` forget after the test."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    yield tmp_path
+    for name, module in list(sys.modules.items()):
+        if (getattr(module, "__file__", None) or "").startswith(f"{tmp_path}{os.sep}"):
+            del sys.modules[name]
+
+
+@pytest.fixture
 def study(here, composed):
     """A function: overrides -> whether every trial of ``STUDY`` gave a figure, run in this process."""
 

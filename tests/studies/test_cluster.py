@@ -84,9 +84,9 @@ def test_a_task_that_crashes_or_hangs_costs_itself_only_and_no_worker(scheduler)
     assert before == {child.pid for worker in scheduler[1] for child in psutil.Process(worker.pid).children()}
 
 
-def test_a_worker_finds_the_modules_that_the_head_process_finds(scheduler, tmp_path, monkeypatch):
-    (tmp_path / "only_the_head_has_it.py").write_text("def cube(x):\n    return x**3\n")
-    monkeypatch.syspath_prepend(tmp_path)
+def test_a_worker_finds_the_modules_that_the_head_process_finds(scheduler, own_modules):
+    (own_modules / "only_the_head_has_it.py").write_text("def cube(x):\n    return x**3\n")
+    sys.path.insert(0, str(own_modules))
     import only_the_head_has_it
 
     assert dict(Dask(scheduler[0]).run(only_the_head_has_it.cube, [2, 3])) == {2: 8, 3: 27}

@@ -1,7 +1,6 @@
 """A method of one's own, as a person configures it."""
 
 import pickle
-import sys
 
 import numpy as np
 import pytest
@@ -52,13 +51,11 @@ def ant():
 
 
 @pytest.fixture
-def mine(tmp_path, monkeypatch):
+def mine(own_modules, monkeypatch):
     """The current folder, with a person's own module my_methods in it, and nowhere else on the path."""
-    (tmp_path / "my_methods.py").write_text(MINE)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    yield tmp_path
-    sys.modules.pop("my_methods", None)
+    (own_modules / "my_methods.py").write_text(MINE)
+    monkeypatch.chdir(own_modules)
+    yield own_modules
     make.__globals__["_method"].cache_clear()
 
 
