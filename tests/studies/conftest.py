@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from hydra import compose, initialize_config_module
 
+from perturb import perturbation
 from studies.engine import Serial
 from studies.run import main, run_study
 from studies.schedule import Schedule, execute
@@ -45,8 +46,9 @@ def here(tmp_path, monkeypatch):
 
 @pytest.fixture
 def own_modules(tmp_path, monkeypatch):
-    """A folder for modules of the user's own: its path, which `sys.path` and `sys.modules` forget after the test."""
+    """A folder for modules of the user's own, which this process forgets after the test, with what they registered."""
     monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(perturbation, "_REGISTRY", dict(perturbation._REGISTRY))
     yield tmp_path
     for name, module in list(sys.modules.items()):
         if (getattr(module, "__file__", None) or "").startswith(f"{tmp_path}{os.sep}"):

@@ -74,6 +74,7 @@ def test_work_is_done_by_processes_of_the_workers_with_one_blas_thread_each(sche
 
 
 def test_a_task_that_crashes_or_hangs_costs_itself_only_and_no_worker(scheduler):
+    dict(Dask(scheduler[0]).run(square, range(8)))  # the workers start their processes
     before = {child.pid for worker in scheduler[1] for child in psutil.Process(worker.pid).children()}
     outcomes = dict(Dask(scheduler[0]).run(abort_at_three, range(8)))
     assert outcomes.pop(3) == Lost("crashed", "its process died with exit code -6")
