@@ -16,12 +16,13 @@ AHEAD = 2**15
 
 
 class Cholesky:
-    """A = L Lᵀ of a symmetric positive definite matrix, for solving with blocks of right-hand sides.
+    """A - shift = L Lᵀ, symmetric positive definite, for solving with blocks of right-hand sides.
 
     Parameters
     ----------
-    matrix : (n, n) scipy.sparse.csr_array, in the order of elimination
+    matrix : (n, n) scipy.sparse.csr_array, A in the order of elimination
     starts : (p + 1,) int array, the pieces of that order (see ``nested_dissection``)
+    shift : float
 
     Notes
     -----
@@ -31,17 +32,20 @@ class Cholesky:
     right-hand sides, and memory's speed is the limit.
     """
 
-    def __init__(self, matrix, starts):
+    def __init__(self, matrix, starts, shift=0.0):
         self._starts = starts = _cut(starts, WIDEST)
-        indptr, indices = matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)  # one type, compiled once
+        # One type, so that the loops are compiled once.
+        indptr, indices = (array.astype(np.int32, copy=False) for array in (matrix.indptr, matrix.indices))
         self._row_starts, self._rows = _rows_of_panels(indptr, indices, starts)
         widths = np.diff(starts)
         self._panel_starts = np.append(0, np.cumsum(widths * (widths + np.diff(self._row_starts))))
         self._panels = np.zeros(self._panel_starts[-1])
-        _factorise(indptr, indices, matrix.data, starts, self._row_starts, self._rows, self._panel_starts, self._panels)
+        _factorise(
+            indptr, indices, matrix.data, shift, starts, self._row_starts, self._rows, self._panel_starts, self._panels
+        )
 
     def solve(self, block):
-        """A⁻¹ ``block``: (n, k) float array, in Fortran order."""
+        """(A - shift)⁻¹ ``block``: (n, k) float array, in Fortran order."""
         sides = block.shape[1]
         x = np.zeros((sides + sides % 2, len(block)))
         x[:sides] = block.T
@@ -106,7 +110,7 @@ def _rows_of_panels(indptr, indices, starts):
 
 
 @compiled
-def _factorise(indptr, indices, data, starts, row_starts, rows, panel_starts, panels):
+def _factorise(indptr, indices, data, shift, starts, row_starts, rows, panel_starts, panels):
     """Put the panels, one behind the other, into ``panels``, which is zero."""
     n_pieces = len(starts) - 1
     piece = _piece_of(starts)
@@ -122,6 +126,7 @@ def _factorise(indptr, indices, data, starts, row_starts, rows, panel_starts, pa
         for i in range(len(below)):
             place[below[i]] = width + i
         for column in range(start, start + width):
+            panel[column - start, column - start] -= shift
             for i in range(indptr[column], indptr[column + 1]):
                 row = indices[i]
                 if row >= start + width:

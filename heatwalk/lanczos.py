@@ -9,6 +9,9 @@ from heatwalk.compilation import compiled
 # Blocks of the basis that are stored together.
 STORED_BLOCKS = 4
 
+# Rows of the basis that are combined at a time.
+STRIPE = 2**13
+
 
 def lanczos(apply, start):
     """Krylov space of a symmetric operator, step by step without end.
@@ -79,14 +82,20 @@ class Basis:
         """Coefficients of ``block`` in the basis, and what is left of it; overwrites it."""
         return _take_out(self._filled(), block)
 
-    def combine(self, mix):
-        """basis @ mix"""
-        result = np.zeros((len(self.last), mix.shape[1]), order="F")
-        start = 0
-        for chunk in self._filled() if mix.size else ():
-            stop = start + chunk.shape[1]
-            result = dgemm(1, chunk, mix[start:stop], 1, result, overwrite_c=True)
-            start = stop
+    def combined(self, mix):
+        """basis @ ``mix``, of no more columns than the basis, which is lost: its memory is used, stripe by stripe."""
+        n, columns = len(self.last), mix.shape[1]
+        chunks, self._chunks, self._blocks = self._filled(), [], []
+        for start in range(0, n, STRIPE):
+            stripe = np.concatenate([chunk[start : start + STRIPE] for chunk in chunks], axis=1) @ mix
+            for i in range(0, columns, self._columns):
+                part = stripe[:, i : i + self._columns]
+                chunks[i // self._columns][start : start + STRIPE, : part.shape[1]] = part
+        del chunks[-(-columns // self._columns) :]
+        result = np.empty((n, columns), order="F")
+        for i, chunk in enumerate(chunks):
+            part = result[:, i * self._columns : (i + 1) * self._columns]
+            part[:] = chunk[:, : part.shape[1]]
         return result
 
 

@@ -66,8 +66,10 @@ def stiffness_and_mass(vertices, faces):
     corners = faces.T.astype(np.int32)  # half the size of int64, in the products and in the result
     i, j = corners, corners[[1, 2, 0]]
     coupling[i == j] = 0  # a face with a repeated corner couples a vertex to itself, which is no coupling
-    half = sp.coo_array((coupling.ravel(), (i.ravel(), j.ravel())), shape=(n, n)).tocsr()
-    off_diagonal = half + half.T.tocsr()
+    # The triangles of an edge add up above the diagonal, so that what is below is a copy: half the memory.
+    edges = np.minimum(i, j).ravel(), np.maximum(i, j).ravel()
+    above = sp.coo_array((coupling.ravel(), edges), shape=(n, n)).tocsr()
+    off_diagonal = above + above.T.tocsr()
     stiffness = off_diagonal - sp.diags_array(off_diagonal.sum(axis=1))
     mass = np.bincount(corners.ravel(), weights=np.tile(area / 3, 3), minlength=n)
     return stiffness.T, np.maximum(mass, LEAST_MASS * mass.mean())

@@ -97,14 +97,13 @@ class SpectrumSolver:
     def __init__(self, stiffness, mass, component):
         self.mass = mass
         self.component = component
-        scale = sp.diags_array(mass**-0.5)
-        symmetric = (scale @ stiffness @ scale).tocsr()
+        symmetric = _scaled(stiffness, mass**-0.5)
         if component.max() == 0:
             self._parts = [_Component(symmetric, mass, np.arange(len(mass)))]
             return
         order = np.argsort(component, kind="stable")
         bounds = np.searchsorted(component[order], np.arange(component.max() + 2))
-        symmetric = symmetric[order][:, order]  # block diagonal
+        symmetric = _permuted(symmetric, order)  # block diagonal
         self._parts = [
             _Component(_diagonal_block(symmetric, start, stop), mass, order[start:stop])
             for start, stop in pairwise(bounds)
@@ -153,9 +152,9 @@ class _Component:
             from heatwalk.dissection import nested_dissection
 
             order, pieces = nested_dissection(matrix)
-            matrix, vertices = matrix[order][:, order], vertices[order]
+            matrix, vertices = _permuted(matrix, order), vertices[order]
             try:
-                self._inverse = Cholesky(matrix - SHIFT * sp.eye_array(len(vertices)), pieces)
+                self._inverse = Cholesky(matrix, pieces, SHIFT)
             except scipy.linalg.LinAlgError as error:
                 raise SpectrumError(
                     f"{_named(vertices)} has no factorisation: its stiffness is not positive semi-definite but for "
@@ -238,7 +237,7 @@ class _Component:
                         return None
                     # The inverse once more on each vector, at no cost: S V y = θ V y + rest · coupling · y_last.
                     mix, theta = mix[:, :count], theta[:count]
-                    return values[:count], basis.combine(np.vstack([mix, coupling @ mix[-width:] / theta]))
+                    return values[:count], basis.combined(np.vstack([mix, coupling @ mix[-width:] / theta]))
         except scipy.linalg.LinAlgError:  # nothing is left: the space holds all that it ever will
             return self._dense()
 
@@ -284,6 +283,24 @@ def _complete(values, limit):
     while 0 < count < len(values) and values[count] <= values[count - 1] * (1 + SAME_EIGENVALUE):
         count += 1
     return count
+
+
+def _scaled(matrix, scale):
+    """diag(``scale``) @ ``matrix`` @ diag(``scale``) of a symmetric matrix: csr_array that shares its indices."""
+    rows = matrix.T.tocsr()  # of a csc_array no copy
+    data = rows.data * np.repeat(scale, np.diff(rows.indptr))
+    data *= scale[rows.indices]
+    return sp.csr_array((data, rows.indices, rows.indptr), shape=matrix.shape)
+
+
+def _permuted(matrix, order):
+    """Rows and columns of a csr_array in this order."""
+    rank = np.empty(len(order), matrix.indices.dtype)
+    rank[order] = np.arange(len(order), dtype=rank.dtype)
+    rows = matrix[order]
+    rows.indices = rank[rows.indices]
+    rows.has_sorted_indices = False
+    return rows
 
 
 def _diagonal_block(matrix, start, stop):
