@@ -81,8 +81,10 @@ def heat_walk(kernel):
     pointer, potential = maximum_inner_products(kernel)
     roots = _roots(pointer)
     pointer = np.where(roots == np.arange(len(roots)), roots, pointer)
-    exemplars, labels = np.unique(roots, return_inverse=True)
-    return HeatWalk(pointer, kernel.diagonal(), potential, exemplars, labels)
+    reached = np.zeros(len(roots), dtype=bool)
+    reached[roots] = True
+    labels = (np.cumsum(reached) - 1)[roots]
+    return HeatWalk(pointer, kernel.diagonal(), potential, np.flatnonzero(reached), labels)
 
 
 def maximum_inner_products(kernel):

@@ -1,9 +1,13 @@
 """Dissipator regions by the relative-entropy test (paper, section 5 and Algorithm 2)."""
 
 import numpy as np
+import scipy.sparse as sp
 
 # Least density, relative to the largest, that enters a logarithm: below it stands only the rounding of the kernel.
 LEAST_DENSITY = 1e-16
+
+# Bytes of the densities that are looked at together: few enough for the cache.
+BLOCK_BYTES = 2**20
 
 
 def relative_entropy_excess(kernel, labels, weights=None):
@@ -27,22 +31,35 @@ def relative_entropy_excess(kernel, labels, weights=None):
     product with the factor of the kernel for each region, O(n k) each, without a logarithm of the n x n kernel.
     """
     measure = np.ones(len(labels)) if weights is None else weights
-    parts = kernel.parts()
-    total = np.empty(len(labels))  # Σ_y h(x, y)
-    for part in parts:
-        factor = kernel.rows(part)
-        total[part] = factor @ (factor.T @ measure[part])
-
-    order = np.argsort(labels, kind="stable")
+    rank, n_regions = _ranks(labels, kernel.component)
     excess = np.empty(len(labels))
-    for members in np.split(order, np.flatnonzero(np.diff(labels[order])) + 1):
-        part = parts[kernel.component[members[0]]]
-        factor, inside = kernel.rows(part), kernel.factor[members]
-        heat = factor @ inside.sum(axis=0)
-        density = np.maximum(heat, LEAST_DENSITY * heat.max())
-        log_ratio = np.log(density * (measure.sum() / (measure[part] @ heat)))  # log(q_C / u)
-        excess[members] = -(inside @ (factor.T @ (measure[part] * log_ratio)))
-    return excess / total
+    for part, r in zip(kernel.parts(), n_regions, strict=True):
+        factor, region, n = kernel.rows(part), rank[labels[part]], len(part)
+        inside = sp.csr_array((np.ones(n), region, np.arange(n + 1)), shape=(n, r)).T @ factor
+        of_all = measure[part] @ factor
+        height = max(1, BLOCK_BYTES // (8 * r))
+        blocks = [slice(start, start + height) for start in range(0, n, height)]
+        hottest = np.max([(factor[rows] @ inside.T).max(axis=0) for rows in blocks], axis=0)
+        pull = np.zeros_like(inside)
+        for rows in blocks:
+            density = np.maximum(factor[rows] @ inside.T, LEAST_DENSITY * hottest)
+            log_ratio = np.log(density * (measure.sum() / (inside @ of_all)))  # log(q_C / u)
+            pull += (measure[part[rows], None] * log_ratio).T @ factor[rows]
+        for rows in blocks:
+            excess[part[rows]] = -np.einsum("ij,ij->i", factor[rows], pull[region[rows]]) / (factor[rows] @ of_all)
+    return excess
+
+
+def _ranks(labels, component):
+    """The place of each region among those of its component: (K,) int array; how many each component has."""
+    of_region = np.zeros(labels.max() + 1, dtype=int)
+    of_region[labels] = component
+    n_regions = np.bincount(of_region)
+    rank = np.empty(len(of_region), dtype=int)
+    rank[np.argsort(of_region, kind="stable")] = np.arange(len(rank)) - np.repeat(
+        np.cumsum(n_regions) - n_regions, n_regions
+    )
+    return rank, n_regions
 
 
 def divergence_from_uniform(kernel, weights=None):

@@ -59,7 +59,7 @@ def stiffness_and_mass(vertices, faces):
     curvature flow", 1999 (doi:10.1145/311535.311576), which the paper uses, divides by the whole area around a
     vertex and by 4 instead of 2: it is ``diag(1 / mass) @ stiffness / 6``.
     """
-    from heatwalk.triangles import couplings
+    from heatwalk.triangles import couplings, thirds_of_corners
 
     n = len(vertices)
     coupling, area = couplings(vertices, faces, FLATTEST_TRIANGLE)
@@ -71,7 +71,7 @@ def stiffness_and_mass(vertices, faces):
     above = sp.coo_array((coupling.ravel(), edges), shape=(n, n)).tocsr()
     off_diagonal = above + above.T.tocsr()
     stiffness = off_diagonal - sp.diags_array(off_diagonal.sum(axis=1))
-    mass = np.bincount(corners.ravel(), weights=np.tile(area / 3, 3), minlength=n)
+    mass = thirds_of_corners(faces, area, n)
     return stiffness.T, np.maximum(mass, LEAST_MASS * mass.mean())
 
 

@@ -48,6 +48,16 @@ def couplings(vertices, faces, flattest):
 
 
 @compiled
+def thirds_of_corners(faces, values, n_vertices):
+    """For each vertex the sum over its faces of a third of their values: (n,) float array."""
+    total = np.zeros(n_vertices)
+    for corner in range(3):
+        for f in range(len(faces)):
+            total[faces[f, corner]] += values[f] / 3
+    return total
+
+
+@compiled
 def connected(n_vertices, simplices):
     """Connected component of each vertex of (m, d) ``simplices``, numbered by each component's smallest vertex."""
     # Union-find: a vertex's parent is a smaller vertex of its component, a root its own.
