@@ -354,6 +354,7 @@ def write(figures, folder):
         memory.loglog(at, [figures[name, size]["peak_bytes"] / 1e9 for size in at], **style)
     memory.loglog(sizes, [figures["ours", size]["peak_bytes"] / 1e9 for size in sizes], "k-o", label="mesh to labels")
     seconds.set(xlabel="vertices", ylabel="CPU seconds, one thread")
+    seconds.set_ylim(top=20 * seconds.get_ylim()[1])  # the legend stands above the steepest line
     memory.set(xlabel="vertices", ylabel="peak memory of the process, GB")
     for axes in (seconds, memory):
         axes.grid(alpha=0.25)
