@@ -37,6 +37,7 @@ def relative_entropy_excess(kernel, labels, weights=None):
         factor, region, n = kernel.rows(part), rank[labels[part]], len(part)
         inside = sp.csr_array((np.ones(n), region, np.arange(n + 1)), shape=(n, r)).T @ factor
         of_all = measure[part] @ factor
+        # Densities of all its regions in blocks of rows, made again in each pass: to keep them takes longer.
         height = max(1, BLOCK_BYTES // (8 * r))
         blocks = [slice(start, start + height) for start in range(0, n, height)]
         hottest = np.max([(factor[rows] @ inside.T).max(axis=0) for rows in blocks], axis=0)
