@@ -1,12 +1,17 @@
 """The Princeton benchmark and TOSCA for the tests, where they are at hand."""
 
 import os
+import signal
 import zipfile
 
 import pytest
 import trimesh
 
 from tests.meshes import DATA
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A shell makes what it starts in the background ignore Ctrl-C, and children inherit that: tests of it would hang.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
