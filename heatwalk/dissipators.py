@@ -31,14 +31,14 @@ def relative_entropy_excess(kernel, labels, weights=None):
     product with the factor of the kernel for each region, O(n k) each, without a logarithm of the n x n kernel.
     """
     measure = np.ones(len(labels)) if weights is None else weights
-    rank, n_regions = _ranks(labels, kernel.component)
     excess = np.empty(len(labels))
-    for part, r in zip(kernel.parts(), n_regions, strict=True):
-        factor, region, n = kernel.rows(part), rank[labels[part]], len(part)
-        inside = sp.csr_array((np.ones(n), region, np.arange(n + 1)), shape=(n, r)).T @ factor
+    for part in kernel.parts():
+        factor, n = kernel.rows(part), len(part)
+        region = np.unique(labels[part], return_inverse=True)[1]
+        inside = sp.csr_array((np.ones(n), region, np.arange(n + 1))).T @ factor
         of_all = measure[part] @ factor
         # Densities of all its regions in blocks of rows, made again in each pass: to keep them takes longer.
-        height = max(1, BLOCK_BYTES // (8 * r))
+        height = max(1, BLOCK_BYTES // (8 * len(inside)))
         blocks = [slice(start, start + height) for start in range(0, n, height)]
         hottest = np.max([(factor[rows] @ inside.T).max(axis=0) for rows in blocks], axis=0)
         pull = np.zeros_like(inside)
@@ -49,18 +49,6 @@ def relative_entropy_excess(kernel, labels, weights=None):
         for rows in blocks:
             excess[part[rows]] = -np.einsum("ij,ij->i", factor[rows], pull[region[rows]]) / (factor[rows] @ of_all)
     return excess
-
-
-def _ranks(labels, component):
-    """The place of each region among those of its component: (K,) int array; how many each component has."""
-    of_region = np.zeros(labels.max() + 1, dtype=int)
-    of_region[labels] = component
-    n_regions = np.bincount(of_region)
-    rank = np.empty(len(of_region), dtype=int)
-    rank[np.argsort(of_region, kind="stable")] = np.arange(len(rank)) - np.repeat(
-        np.cumsum(n_regions) - n_regions, n_regions
-    )
-    return rank, n_regions
 
 
 def divergence_from_uniform(kernel, weights=None):
