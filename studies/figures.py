@@ -77,6 +77,7 @@ def curve(table, rows, axis, title):
     figure = Figure(figsize=(ONE_COLUMN, 2.6), layout="constrained")
     axes = figure.add_subplot()
     models = rows.groupby(["model", "level"])["change_percentage"].mean().astype(float).unstack("level")
+    models = models.dropna(how="all")
     if len(models) <= FEW:
         for i, (_, values) in enumerate(models.iterrows()):
             label = None if i else "each model"
@@ -143,7 +144,7 @@ def _levels(axes, table, label):
         texts.append("" if near else f"{level:g}")
         last = last if near else level
     axes.set_xticks(levels, texts)
-    axes.set_ylim(bottom=0, top=None if table["mean"].max() > 0 else 1)
+    axes.set_ylim(bottom=0, top=None if table[["mean", "paper"]].max(axis=None) > 0 else 1)
     axes.grid()
 
 

@@ -79,6 +79,18 @@ def test_every_level_that_has_room_has_its_number(levels):
     assert [text.get_text() for text in axes.get_xticklabels()] == ["0.1", "0.25", "0.5", "0.75"]
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_study_of_which_every_trial_failed_has_room_for_the_papers_points(tmp_path):
+    levels = [0.1, 0.5]
+    rows = pd.DataFrame([{"model": "m", "level": level, "change_percentage": np.nan} for level in levels])
+    nothing = table("holes", levels, [2.0, 7.0]).assign(mean=np.nan, ci_low=np.nan, ci_high=np.nan)
+    figure = figures.curve(nothing, rows, "holes", "Holes")
+    figures.save(figure, tmp_path / "failed.png")
+    (axes,) = figure.axes
+    assert axes.get_ylim()[1] >= 7
+    assert "mean, 95 % interval (0 models)" in axes.get_legend_handles_labels()[1]
+
+
 def test_a_picture_drawn_in_proportion_keeps_a_dot_of_the_smallest_scale():
     shrunk = figures._shrunk(np.zeros((90, 120, 3), np.uint8), 1e-6)
     assert shrunk.shape == (90, 120, 3)
