@@ -46,7 +46,8 @@ def merge(first, second, into, console):
         raise MergeError(f"{into} holds results already; name a folder that does not, or none")
     for folder in (first, second):
         if not (folder / "config.yaml").exists() or folder not in store.folders(folder):
-            raise MergeError(f"{folder} is no results folder, which has config.yaml and trials.parquet")
+            below = "".join(f"; {path} is one" for path in store.folders(folder)[:1])
+            raise MergeError(f"{folder} is no study's folder, which has config.yaml and trials.parquet{below}")
     configs = [OmegaConf.load(folder / "config.yaml") for folder in (first, second)]
     origins = [json.loads((folder / "provenance.json").read_text()) for folder in (first, second)]
     _check_configs(*configs, first, second)

@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -84,5 +85,7 @@ def test_what_does_not_match_is_refused_and_named(study, here, capsys):
     assert join("a", "b", "--into", "joined") == 2
     assert "joined holds results already" in said(capsys)
     assert merge.main(["a", "b"]) == 2
-    assert "a is no results folder" in said(capsys)
+    message = said(capsys)
+    assert "a is no study's folder" in message
+    assert message.rstrip().endswith(f"{Path('a') / FOLDER} is one")
     assert table("a") == before
