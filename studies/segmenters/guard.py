@@ -23,14 +23,20 @@ def main(folder, *command):
         print(f"{command[0]}: {error.strerror}", file=sys.stderr, flush=True)
         return 127
 
+    alone = threading.Event()
+
     def end_with_asker():
         os.read(0, 1)  # gives nothing, and that not before the other end is closed
+        alone.set()
         kill(program)
         shutil.rmtree(folder, ignore_errors=True)
         os._exit(1)
 
-    threading.Thread(target=end_with_asker, daemon=True).start()
+    ending = threading.Thread(target=end_with_asker, daemon=True)
+    ending.start()
     code = program.wait()
+    if alone.is_set():
+        ending.join()  # it is still removing the folder, and exits when it has
     kill(program)  # what it started and left behind
     return code if code >= 0 else 128 - code
 

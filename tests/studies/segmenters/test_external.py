@@ -113,11 +113,14 @@ def test_another_program_in_the_same_file_is_another_segmenter(program):
     assert before.name == f"{os.path.basename(sys.executable)} my tool.py"
 
 
-# Says which processes and folder are at work (a child of its own among them), and does not end.
+# Says which processes and folder are at work (a child of its own among them), and does not end. The folder holds so
+# many files that to remove it takes a while.
 LINGERS = """
 import os, pathlib, subprocess, sys, time
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
 path = pathlib.Path(sys.argv[3])
+for i in range(2000):
+    pathlib.Path(sys.argv[1]).with_name(f"{i}").touch()
 path.with_suffix(".part").write_text(f"{os.getpid()} {child.pid} {os.path.dirname(sys.argv[1])}")
 path.with_suffix(".part").rename(path)
 time.sleep(600)
