@@ -90,8 +90,8 @@ def heat_walk(kernel):
 def maximum_inner_products(kernel):
     """For each vertex x the vertex y of largest h(x, y), and that value.
 
-    Exact, by a search over a tree (``heatwalk.search``): about O(n k log n) time on meshes, O(n k) memory. Of the
-    values within ``TIE`` of the largest, the smallest vertex index is taken.
+    Exact, by a search over a tree (``heatwalk.numerics.search``): about O(n k log n) time on meshes, O(n k) memory.
+    Of the values within ``TIE`` of the largest, the smallest vertex index is taken.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def maximum_inner_products(kernel):
     maximum : (n,) float array
     """
     # Here, so that importing the package does not wait for numba.
-    from heatwalk.search import largest_inner_products
+    from heatwalk.numerics.search import largest_inner_products
 
     argmax = np.empty(len(kernel.factor), dtype=np.int64)
     maximum = np.empty(len(kernel.factor))

@@ -24,7 +24,7 @@ def unit_area(vertices, faces):
     -------
     (n, 3) float array
     """
-    from heatwalk.triangles import areas  # here, so that importing the package does not wait for numba
+    from heatwalk.numerics.triangles import areas  # here, so that importing the package does not wait for numba
 
     low, high = (np.array([end(coordinate) for coordinate in vertices.T]) for end in (np.min, np.max))
     # By the bounding box first: squares of coordinates near 1e-200 or 1e200 would leave the floating-point range.
@@ -59,7 +59,7 @@ def stiffness_and_mass(vertices, faces):
     curvature flow", 1999 (doi:10.1145/311535.311576), which the paper uses, divides by the whole area around a
     vertex and by 4 instead of 2: it is ``diag(1 / mass) @ stiffness / 6``.
     """
-    from heatwalk.triangles import couplings, thirds_of_corners
+    from heatwalk.numerics.triangles import couplings, thirds_of_corners
 
     n = len(vertices)
     coupling, area = couplings(vertices, faces, FLATTEST_TRIANGLE)
@@ -80,6 +80,6 @@ def vertex_components(n_vertices, simplices):
 
     simplices : (m, 3) faces or (m, 2) edges
     """
-    from heatwalk.triangles import connected
+    from heatwalk.numerics.triangles import connected
 
     return connected(n_vertices, np.ascontiguousarray(simplices, np.int64))

@@ -190,7 +190,7 @@ def _degenerate_faces(vertices, faces):
 
     Collapsed: the shortest edge is at most `DEGENERATE` times the longest, so that two corners are one point.
     """
-    from heatwalk.triangles import areas, squared_lengths
+    from heatwalk.numerics.triangles import areas, squared_lengths
 
     scaled = _scaled(vertices)[0]
     squares = squared_lengths(scaled, faces)

@@ -148,8 +148,8 @@ class _Component:
         self.dense = len(vertices) <= LARGEST_DENSE
         if not self.dense:
             # Imported here: numba takes half a second, which `import heatwalk` should not.
-            from heatwalk.cholesky import Cholesky
-            from heatwalk.dissection import nested_dissection
+            from heatwalk.numerics.cholesky import Cholesky
+            from heatwalk.numerics.dissection import nested_dissection
 
             order, pieces = nested_dissection(matrix)
             matrix, vertices = _permuted(matrix, order), vertices[order]
@@ -206,7 +206,7 @@ class _Component:
 
     def _krylov(self, limit):
         """Eigenpairs up to ``limit``; None where the start block had too few columns for all copies of one of them."""
-        from heatwalk.lanczos import lanczos
+        from heatwalk.numerics.lanczos import lanczos
 
         rng = np.random.default_rng(0)
         width = self.width
@@ -255,7 +255,7 @@ class _Component:
         vectors have a part in the copies left over, and in a few steps turn to them: nothing else outside the basis
         is as large.
         """
-        from heatwalk.lanczos import lanczos
+        from heatwalk.numerics.lanczos import lanczos
 
         def outside(block):
             return basis.take_out(self._apply_inverse(block))[1]

@@ -13,7 +13,7 @@ import trimesh
 from scipy.sparse import coo_array
 
 from heatwalk.laplacian import vertex_components
-from heatwalk.triangles import areas
+from heatwalk.numerics.triangles import areas
 
 Parameters = dict[str, Any]  # what `sample` drew: arrays and numbers that `apply` turns into a mesh
 

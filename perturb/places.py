@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.sparse import csr_array
 
-from heatwalk.compilation import compiled
+from heatwalk.numerics.compilation import compiled
 
 RIM = 1.1  # Vertices at the border of a ball often hang together only through what is just outside of it.
 MOST_CELLS = 50  # in each direction; more would only be empty

@@ -16,8 +16,9 @@ import pyarrow
 from omegaconf import OmegaConf
 from rich.console import Console
 
-from studies import show, store
-from studies.trial import TIMINGS
+from studies.planning.trial import TIMINGS
+from studies.reporting import show
+from studies.storage import store
 
 # What two folders may differ in: where and how trials ran, and which of them. Everything else is in all trial_ids, or
 # in the tables.

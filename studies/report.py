@@ -13,7 +13,7 @@ import hydra.utils
 import pandas as pd
 from omegaconf import OmegaConf
 
-from studies import store
+from studies.storage import store
 
 # What the paper's own experiments were made on; its claims are compared with no others.
 PAPERS_DATASETS = ("psb", "tosca")
@@ -58,7 +58,7 @@ def page(studies, results):
     -------
     str
     """
-    from studies import tables
+    from studies.statistics import tables
 
     lines = [
         "# The paper's section 6, made again",
@@ -140,7 +140,7 @@ def main(arguments=None):
 
     from rich.console import Console
 
-    from studies import show
+    from studies.reporting import show
 
     try:
         found = stored(results)

@@ -16,7 +16,7 @@ from hydra.errors import HydraException, InstantiationException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from studies.quoting import quoted
+from studies.planning.quoting import quoted
 
 # Swept options that already have a folder of their own in results_dir.
 OWN_FOLDER = ("study", "dataset")
@@ -91,9 +91,9 @@ def run_study(cfg, subfolder=""):
     """
     from rich.console import Console
 
-    from studies import progress, show
-    from studies.plan import plan
-    from studies.store import Rows, Store
+    from studies.planning.plan import plan
+    from studies.reporting import progress, show
+    from studies.storage.store import Rows, Store
 
     if cfg.on_error not in ON_ERROR:
         raise ValueError(f"on_error is {cfg.on_error!r}: give one of {', '.join(ON_ERROR)}")
@@ -151,15 +151,15 @@ def _missing(trials, stored, retry_failed):
 
 def _elsewhere(cfg, folder, missing):
     """Where rows of missing trials stand already; nowhere for who wants to start over."""
-    from studies.store import elsewhere
+    from studies.storage.store import elsewhere
 
     return {} if cfg.fresh else elsewhere(str(cfg.results_dir), folder, [trial.trial_id for trial in missing])
 
 
 def _take_over(found, missing, store, console):
     """Store the rows of missing trials that other studies had run, as this study's."""
-    from studies.store import fetch
-    from studies.trial import empty_row
+    from studies.planning.trial import empty_row
+    from studies.storage.store import fetch
 
     by_id = {trial.trial_id: trial for trial in missing} if found else {}
     for path, trial_ids in found.items():
@@ -175,8 +175,8 @@ def _run_missing(engine, missing, store, console, stop):
 
     stop : bool, whether to end at the first trial that fails
     """
-    from studies import schedule
-    from studies.progress import Progress
+    from studies.execution import schedule
+    from studies.reporting.progress import Progress
 
     if not missing:
         return ""

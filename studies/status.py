@@ -8,8 +8,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from studies import store
-from studies.trial import TIMINGS
+from studies.planning.trial import TIMINGS
+from studies.storage import store
 
 STATES = ("ok", "failed", "timeout", "crashed")
 WIDTH = 130  # in characters, at least: a line that the terminal wraps is clearer than a cell that is

@@ -7,7 +7,7 @@ import zipfile
 import pytest
 import trimesh
 
-from tests.meshes import DATA
+from tests.helpers.meshes import DATA
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell makes what it starts in the background ignore Ctrl-C, and children inherit that: tests of it would hang.

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat
 
-from heatwalk.files import LoadedMesh, read_mesh
+from heatwalk.io.files import LoadedMesh, read_mesh
 from heatwalk.meshes import MeshError, check_arrays, referenced, shortened
 from studies.datasets.dataset import Dataset, DatasetError, Model, check_there, natural_order, wanted
 from studies.datasets.folders import find, folder, read

@@ -8,12 +8,13 @@ from typing import ClassVar
 import numpy as np
 import trimesh
 
-from studies import plates, tables
-from studies.engine import gathered
+from studies.execution.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
-from studies.plan import StudyError, digest, identity
+from studies.figures import plates
+from studies.planning.plan import StudyError, digest, identity
+from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
-from studies.trial import Trial
+from studies.statistics import tables
 
 # After how many steps of the walk the share of settled points is kept.
 STEPS = (1, 2, 3)

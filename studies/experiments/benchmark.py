@@ -9,12 +9,12 @@ from typing import ClassVar
 import numpy as np
 
 from heatwalk import faces_from_vertices
-from studies import tables
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import psb
-from studies.plan import digest, identity
+from studies.planning.plan import digest, identity
+from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
-from studies.trial import Trial
+from studies.statistics import tables
 
 # The columns of Table 1, as the benchmark's evaluator calls them -> as the paper heads them.
 METRICS = {
@@ -152,7 +152,7 @@ class Benchmark(Experiment):
         ]
 
     def curves(self, rows, tables, cfg, title):
-        from studies import figures
+        from studies.figures import curves as figures
 
         return {cfg.study.name: figures.methods(tables["table"], METRICS, title)}
 

@@ -12,14 +12,14 @@ import numpy as np
 import trimesh
 from omegaconf import OmegaConf
 
-from studies import tables
-from studies.code import digest_of_code
-from studies.engine import gathered
+from studies.execution.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
-from studies.plan import StudyError, digest, digests, identity, whole_number
+from studies.planning.code import digest_of_code
+from studies.planning.plan import StudyError, digest, digests, identity, whole_number
+from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
-from studies.trial import Trial
+from studies.statistics import tables
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ class Change(Experiment):
         return found
 
     def curves(self, rows, tables, cfg, title):
-        from studies import figures
+        from studies.figures import curves as figures
 
         if len(parts(cfg)) > 1:
             named = {name: (part.title, part.axis) for name, part in parts(cfg).items()}
@@ -189,7 +189,8 @@ class Change(Experiment):
         return {cfg.study.name: figures.curve(tables["table"], rows, cfg.axis, title)}
 
     def surfaces(self, trials, rows, cfg, title, engine):
-        from studies import figures, render
+        from studies.figures import curves as figures
+        from studies.figures import surfaces as render
 
         style = cfg.gallery.style
         if style not in render.STYLES:

@@ -41,7 +41,7 @@ class Claim:
 class Experiment(ABC):
     """One kind of study. It holds no state: a configuration and rows go in, trials, tables and figures come out.
 
-    columns : those that its rows have behind ``studies.trial.COLUMNS``, with their types
+    columns : those that its rows have behind ``studies.planning.trial.COLUMNS``, with their types
     headings : key in ``display`` -> heading of that column in table.md
     notes : str, what the columns mean
     """
@@ -52,7 +52,7 @@ class Experiment(ABC):
 
     @abstractmethod
     def plan(self, cfg, dataset, segmenter):
-        """The trials, model by model: list of studies.trial.Trial.
+        """The trials, model by model: list of studies.planning.trial.Trial.
 
         cfg : DictConfig
         dataset : studies.datasets.Dataset
@@ -82,7 +82,7 @@ class Experiment(ABC):
     def surfaces(self, trials, rows, cfg, title, engine):
         """Pictures of surfaces, which are computed anew by the engine: yields (file stem, what it shows, make).
 
-        ``make()`` gives the matplotlib Figure, or raises studies.engine.LostError; it is called only where the file
-        does not show that already.
+        ``make()`` gives the matplotlib Figure, or raises studies.execution.engine.LostError; it is called only
+        where the file does not show that already.
         """
         return ()

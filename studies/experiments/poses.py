@@ -8,14 +8,14 @@ from typing import ClassVar
 import numpy as np
 import trimesh
 
-from studies import tables
 from studies.datasets import Model
-from studies.engine import gathered
+from studies.execution.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
-from studies.plan import StudyError, digest, identity
+from studies.planning.plan import StudyError, digest, identity
+from studies.planning.trial import Trial, reason
 from studies.segmenters import Segmenter
-from studies.trial import Trial, reason
+from studies.statistics import tables
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class Poses(Experiment):
         ]
 
     def curves(self, rows, tables, cfg, title):
-        from studies import figures
+        from studies.figures import curves as figures
 
         return {cfg.study.name: figures.matrix(matrices(rows), title)}
 
@@ -186,8 +186,8 @@ class Poses(Experiment):
 
 def _draw(task):
     """Some poses side by side: a matplotlib Figure."""
-    from studies import plates
-    from studies.render import named_as
+    from studies.figures import plates
+    from studies.figures.surfaces import named_as
 
     shown, upright = task
     items, first = [], {}

@@ -6,13 +6,13 @@ from typing import ClassVar
 import numpy as np
 import trimesh
 
-from studies import tables
-from studies.engine import gathered
+from studies.execution.engine import gathered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
-from studies.plan import StudyError, digest, identity, whole_number
+from studies.planning.plan import StudyError, digest, identity, whole_number
+from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
-from studies.trial import Trial
+from studies.statistics import tables
 
 # The time that the others are compared with: the paper's for all its other experiments.
 USUAL_TIME = 1.0
@@ -161,7 +161,7 @@ class Times(Experiment):
         yield "figure15", shows, lambda: gathered(engine, _draw, [(shown, times)])[0]
 
     def curves(self, rows, tables, cfg, title):
-        from studies import figures
+        from studies.figures import curves as figures
 
         intervals = [(float(low), float(high)) for low, high, _ in cfg.intervals]
         return {cfg.study.name: figures.times(rows[rows["status"] == "ok"], intervals, title)}
@@ -169,7 +169,7 @@ class Times(Experiment):
 
 def _draw(task):
     """One model at several times: a matplotlib Figure."""
-    from studies import plates
+    from studies.figures import plates
 
     trial, times = task
     loaded = trial.model.load()

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-GUARD = Path(__file__).with_name("guard.py")
+GUARD = Path(__file__).parents[1] / "execution" / "guard.py"
 TAIL = 300  # characters of what a program printed last that an error quotes
 
 

@@ -13,7 +13,7 @@ import hydra.utils
 import numpy as np
 from omegaconf import OmegaConf
 
-from studies.code import digest_of_code
+from studies.planning.code import digest_of_code
 from studies.segmenters.heat_walk import HeatWalk
 from studies.segmenters.labels import LABELS_OF, LabelError, at_vertices
 

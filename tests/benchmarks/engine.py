@@ -19,11 +19,11 @@ import psutil
 from rich.console import Console
 from rich.table import Table
 
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 MESHES = 5  # of some 5,000 vertices each: the bundled bone under five names, refined
 STUDY = ("+study=normal_noise", "dataset=files", "gallery.models=0")
-INSTANT = ("segmenter=custom", "segmenter._target_=tests.studies.segmenting.halves")
+INSTANT = ("segmenter=custom", "segmenter._target_=tests.helpers.segmenting.halves")
 PLANNED = 100_000
 
 

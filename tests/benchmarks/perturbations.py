@@ -22,7 +22,7 @@ import trimesh
 
 import heatwalk
 import perturb
-from tests.benchmarks.surfaces import surface
+from tests.helpers.surfaces import surface
 
 SIZES = (5_000, 25_000, 400_000)
 WARM_UP = 5_000

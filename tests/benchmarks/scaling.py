@@ -243,7 +243,7 @@ def run(largest, folder):
     """Every measurement up to ``largest`` vertices: dict (measurement, size) -> figures, written as it grows."""
     import numpy as np
 
-    from tests.benchmarks.surfaces import surface
+    from tests.helpers.surfaces import surface
 
     folder.mkdir(parents=True, exist_ok=True)
     figures = {}

@@ -8,8 +8,8 @@ from hypothesis.extra.numpy import arrays
 import heatwalk
 from heatwalk.accumulators import heat_walk, maximum_inner_products
 from heatwalk.kernel import HeatKernel
-from tests.heatwalk import dense
-from tests.meshes import bundled
+from tests.helpers import dense
+from tests.helpers.meshes import bundled
 
 
 def largest_component(mesh):

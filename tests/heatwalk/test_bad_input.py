@@ -11,9 +11,9 @@ import trimesh
 
 import heatwalk
 from heatwalk.cli import main
-from heatwalk.files import read_mesh, read_seg
+from heatwalk.io.files import read_mesh, read_seg
 from heatwalk.meshes import MeshError
-from tests.meshes import bundled_path
+from tests.helpers.meshes import bundled_path
 
 VERTICES = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])

@@ -5,8 +5,8 @@ import trimesh
 import heatwalk
 from heatwalk.dissipators import divergence_from_uniform, relative_entropy_excess
 from heatwalk.kernel import HeatKernel
-from tests.heatwalk import dense
-from tests.meshes import bundled
+from tests.helpers import dense
+from tests.helpers.meshes import bundled
 
 MESHES = {
     "ant": lambda: bundled("ant"),

@@ -5,8 +5,8 @@ import trimesh
 from heatwalk.kernel import HeatKernel, largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
 from heatwalk.spectrum import SpectrumSolver
-from tests.heatwalk import dense
-from tests.meshes import bundled
+from tests.helpers import dense
+from tests.helpers.meshes import bundled
 
 TIME = 1 / 6
 

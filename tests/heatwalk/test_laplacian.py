@@ -5,8 +5,8 @@ import trimesh
 from scipy.spatial import Delaunay
 
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
-from tests.heatwalk.dense import cotangent_operator
-from tests.meshes import bundled
+from tests.helpers.dense import cotangent_operator
+from tests.helpers.meshes import bundled
 
 REAL = ["ant", "cow", "bunny", "airplane", "bone"]
 

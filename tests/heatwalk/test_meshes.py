@@ -5,9 +5,9 @@ import pytest
 import trimesh
 from scipy.cluster.hierarchy import DisjointSet
 
-from heatwalk.files import read_mesh
+from heatwalk.io.files import read_mesh
 from heatwalk.meshes import check_mesh, inspect_mesh
-from tests.meshes import BUNDLED, bundled_path
+from tests.helpers.meshes import BUNDLED, bundled_path
 
 OCTAHEDRON = trimesh.convex.convex_hull(np.vstack([np.eye(3), -np.eye(3)]))
 TETRAHEDRON = (

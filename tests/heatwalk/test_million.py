@@ -6,7 +6,7 @@ from scipy.sparse.linalg import eigsh
 import heatwalk
 from heatwalk.accumulators import TIE
 from heatwalk.laplacian import stiffness_and_mass, unit_area
-from tests.benchmarks.surfaces import surface
+from tests.helpers.surfaces import surface
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from heatwalk.kernel import HeatKernel, largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
 from heatwalk.segmentation import faces_from_vertices
 from heatwalk.spectrum import Spectrum
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 REAL = ["ant", "cow", "bunny", "airplane"]
 

@@ -9,7 +9,7 @@ from heatwalk import spectrum as spectrum_module
 from heatwalk.kernel import largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
 from heatwalk.spectrum import SpectrumError, SpectrumSolver
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 
 def solver(vertices, faces, scale=True):

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import perturb
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 COW = bundled("cow")
 

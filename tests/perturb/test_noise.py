@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import perturb
 from perturb import PerturbationError
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 ANT, COW = bundled("ant"), bundled("cow")
 

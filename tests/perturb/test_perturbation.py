@@ -16,7 +16,7 @@ from scipy.cluster.hierarchy import DisjointSet
 import perturb
 from perturb import PerturbationError
 from perturb.perturbation import LENGTHS
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 EXAMPLES = [
     perturb.NormalNoise(0.34),

@@ -12,7 +12,7 @@ from trimesh.graph import connected_components
 
 import perturb
 from perturb.sampling import _folded
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 BACKENDS = ["fast_simplification", "pymeshlab"]
 

@@ -12,7 +12,7 @@ import trimesh
 
 import perturb
 from perturb import PerturbationError
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 AMOUNTS = (0.5, 1.5)
 
@@ -166,7 +166,7 @@ def test_subdivision_cuts_every_triangle_into_four_and_leaves_every_vertex():
 
 SCRIPT = """
 import hashlib, numpy, perturb
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 result = perturb.Tessellation(0.7, method="irregular")(bundled("cow"), numpy.random.default_rng(0))
 arrays = result.mesh.vertices.tobytes() + result.mesh.faces.tobytes() + result.counterpart.tobytes()
 print(hashlib.sha256(arrays).hexdigest())

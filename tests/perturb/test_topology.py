@@ -14,7 +14,7 @@ from perturb import PerturbationError
 from perturb.perturbation import edge_graph
 from perturb.places import near_but_far
 from perturb.topology import _Tubes
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 from tests.perturb.test_geometry import distances_along_edges
 
 ANT = bundled("ant")

@@ -11,11 +11,11 @@ import pytest
 from hydra import compose, initialize_config_module
 
 from perturb import perturbation
-from studies.engine import Serial
+from studies.execution.engine import Serial
+from studies.execution.schedule import Schedule, execute
+from studies.planning.trial import COLUMNS
 from studies.run import main, run_study
-from studies.schedule import Schedule, execute
-from studies.trial import COLUMNS
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def composed():
 # A study whose trials take no time.
 STUDY = (
     "+study=normal_noise", "dataset=files", "dataset.glob=ant.off", "segmenter=custom",
-    "segmenter._target_=tests.studies.segmenting.halves", "gallery.models=0", "levels=[0.1,0.2]",
+    "segmenter._target_=tests.helpers.segmenting.halves", "gallery.models=0", "levels=[0.1,0.2]",
 )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import conf
 from studies.run import run_study
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 STUDIES = sorted(path.stem for path in (Path(conf.__file__).parent / "study").glob("*.yaml"))
 

@@ -5,7 +5,7 @@ import pytest
 
 from studies import status
 from studies.run import run_study
-from studies.store import Rows, Store, holder
+from studies.storage.store import Rows, Store, holder
 from tests.studies.conftest import STUDY
 from tests.studies.test_survival import FOLDER, rows, table
 

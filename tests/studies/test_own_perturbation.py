@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from studies.plan import plan
+from studies.planning.plan import plan
 
 README = Path(__file__).parents[2] / "README.md"
 

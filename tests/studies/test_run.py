@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from studies.trial import COLUMNS
-from tests.meshes import bundled
+from studies.planning.trial import COLUMNS
+from tests.helpers.meshes import bundled
 from tests.studies.conftest import typed
 
 ANT = ("dataset=files", "dataset.glob=ant.off", "gallery.models=0")  # the ant as it ships: 486 vertices

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies import store
-from studies.store import Held, Store
-from studies.trial import TIMINGS
+from studies.planning.trial import TIMINGS
+from studies.storage import store
+from studies.storage.store import Held, Store
 from tests.studies.conftest import STUDY, fork, typed
 from tests.studies.test_run import run
 
@@ -89,7 +89,7 @@ def test_a_killed_study_can_be_shown_before_it_goes_on(study, here):
 @pytest.mark.slow  # tests/studies/test_engine.py has the quick ones
 def test_what_a_segmenter_does_becomes_a_row_and_the_others_are_as_if_nothing_was(here):
     words = (
-        "+study=scaling", *STUDY[1:-3], "segmenter._target_=tests.studies.segmenting.hostile", "gallery.models=0",
+        "+study=scaling", *STUDY[1:-3], "segmenter._target_=tests.helpers.segmenting.hostile", "gallery.models=0",
         "levels=[1,2,3,4,5,0.9,1.1]", "engine.workers=2", "trial.timeout=8", "trial.memory=1.5GB",
     )  # fmt: skip
     done = run(here, *words)

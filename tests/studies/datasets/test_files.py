@@ -5,7 +5,7 @@ import pytest
 
 from studies.datasets import DatasetError
 from studies.datasets.files import Files
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 NAMES = ["cow2.off", "cow10.OBJ", "cow1.ply", "cats/b.stl", "cats/wild/a.off"]
 

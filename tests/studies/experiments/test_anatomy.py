@@ -3,10 +3,10 @@ import pandas as pd
 import pytest
 
 import heatwalk
-from studies.engine import Serial
+from studies.execution.engine import Serial
 from studies.experiments import Anatomy
-from studies.plan import StudyError, plan
-from tests.meshes import bundled
+from studies.planning.plan import StudyError, plan
+from tests.helpers.meshes import bundled
 
 
 def test_a_row_counts_the_steps_of_the_walk_and_who_has_settled_after_each(composed, run_trials):

@@ -3,11 +3,11 @@ import pandas as pd
 import pytest
 
 import heatwalk
-from heatwalk.files import read_mesh, read_seg
+from heatwalk.io.files import read_mesh, read_seg
 from studies.experiments import Benchmark
 from studies.metrics import psb
-from studies.plan import plan
-from tests.meshes import DATA
+from studies.planning.plan import plan
+from tests.helpers.meshes import DATA
 
 
 @pytest.fixture

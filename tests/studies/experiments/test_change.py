@@ -6,11 +6,11 @@ import pytest
 
 import heatwalk
 from studies import segmenters
-from studies import trial as trials
-from studies.engine import Serial
+from studies.execution.engine import Serial
+from studies.execution.schedule import Schedule, execute
 from studies.metrics import change_percentage
-from studies.plan import plan
-from studies.schedule import Schedule, execute
+from studies.planning import trial as trials
+from studies.planning.plan import plan
 
 
 def row_of(trial):

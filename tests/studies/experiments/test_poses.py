@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 
 import heatwalk
-from heatwalk.files import read_mesh
-from studies.engine import Serial
+from heatwalk.io.files import read_mesh
+from studies.execution.engine import Serial
 from studies.experiments import Poses
 from studies.experiments.poses import matrices, pose_interval
 from studies.metrics import change_percentage
-from studies.plan import StudyError, plan
+from studies.planning.plan import StudyError, plan
 
 
 def test_a_row_is_the_change_at_the_points_that_two_poses_have_in_common(composed, run_trials, tosca_zip, tosca_root):

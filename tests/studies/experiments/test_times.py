@@ -5,7 +5,7 @@ import pytest
 import heatwalk
 from studies.experiments import Times
 from studies.metrics import change_percentage
-from studies.plan import StudyError, plan
+from studies.planning.plan import StudyError, plan
 
 
 def test_a_row_is_what_segmenting_at_that_time_gives(composed, run_trials):

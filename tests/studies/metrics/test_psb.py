@@ -6,7 +6,7 @@ import trimesh
 from scipy.sparse.csgraph import dijkstra
 
 from studies.metrics import psb, rand_index_error
-from tests.meshes import DATA, bundled
+from tests.helpers.meshes import DATA, bundled
 
 METRICS = (
     "cut_discrepancy",

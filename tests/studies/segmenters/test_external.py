@@ -8,10 +8,10 @@ import numpy as np
 import psutil
 import pytest
 
-from heatwalk.files import read_mesh
-from studies.engine import Local, Lost
+from heatwalk.io.files import read_mesh
+from studies.execution.engine import Local, Lost
 from studies.segmenters import External, make
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 # Labels by the side of the mesh that a vertex, or a face, lies on.
 SIDES = """

@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from studies.segmenters import LabelError, at_vertices
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 
 @pytest.fixture(scope="module")

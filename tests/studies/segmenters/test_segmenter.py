@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import heatwalk
-from studies.engine import Local
+from studies.execution.engine import Local
 from studies.segmenters import HeatWalk, SegmenterError, make
-from tests.meshes import bundled
+from tests.helpers.meshes import bundled
 
 MINE = """
 import numpy as np

@@ -1,0 +1,31 @@
+"""Segmenters for the tests of studies: one that takes no time, and one that misbehaves."""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+
+from tests.helpers.meshes import bundled
+
+
+def halves(vertices, faces, seconds=0.0):
+    """Two segments, by x. Fails while there is a file ``broken`` in the current folder."""
+    time.sleep(seconds)
+    if Path("broken").exists():
+        raise RuntimeError("there is a file 'broken'")
+    return (vertices[:, 0] > np.median(vertices[:, 0])).astype(np.int64)
+
+
+def hostile(vertices, faces):
+    """As `halves` for the ant in its own size; in others, what a trial should never do."""
+    size = round(np.ptp(vertices[:, 0]) / np.ptp(bundled("ant").vertices[:, 0]))
+    if size == 2:
+        os.abort()
+    if size == 3:
+        time.sleep(600)
+    if size == 4:
+        return len(b"x" * 2**32)
+    if size == 5:
+        raise RuntimeError("no such luck")
+    return halves(vertices, faces)
