@@ -55,7 +55,7 @@ class Recipe:
     @property
     def path(self) -> Path:
         """The file of the mesh."""
-        return Path(distribution(self.package).locate_file(self.file))
+        return Path(str(distribution(self.package).locate_file(self.file)))
 
 
 _SAMPLES = "pymeshlab/tests/sample_meshes"

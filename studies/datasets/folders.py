@@ -65,13 +65,13 @@ def find(root: Path | None, contains_data: Callable[[Path | zipfile.Path], bool]
             raise DatasetError(f"{root} contains the data more than once, in {' and '.join(found)}.\n{layout}")
         if found:
             return root, found[0]
-        level = [
-            f"{inside}/{child.name}".lstrip("/")
-            for inside in level
-            for child in sorted(folder(root, inside).iterdir(), key=lambda child: child.name)
-            if child.is_dir()
-        ]
+        level = [f"{inside}/{name}".lstrip("/") for inside in level for name in _subfolders(folder(root, inside))]
     raise DatasetError(f"{root} does not contain the data.\n{layout}")
+
+
+def _subfolders(parent: Path | zipfile.Path) -> list[str]:
+    """The names of the folders in a folder, sorted."""
+    return sorted(child.name for child in parent.iterdir() if child.is_dir())
 
 
 def read(file: Path | zipfile.Path, reader: Callable[[Path], Content]) -> Content:

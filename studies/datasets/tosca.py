@@ -12,9 +12,10 @@ import hashlib
 import io
 import re
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -270,7 +271,8 @@ def _read_mat(data: bytes) -> tuple[NDArray, NDArray]:
     """The mesh of a MATLAB file with the structure ``surface``."""
     from scipy.io import loadmat  # here, because other formats do without
 
-    content = loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False, variable_names=["surface"])
+    stream: Any = io.BytesIO(data)
+    content = loadmat(stream, squeeze_me=True, struct_as_record=False, variable_names=["surface"])
     if not {"X", "Y", "Z", "TRIV"} <= set(getattr(content.get("surface"), "_fieldnames", ())):
         raise MeshError("no MATLAB structure `surface` with X, Y, Z and TRIV")
     surface = content["surface"]
@@ -286,4 +288,4 @@ def _read_text(vertices: bytes, faces: bytes) -> tuple[NDArray, NDArray]:
     return np.loadtxt(io.BytesIO(vertices), ndmin=2), np.loadtxt(io.BytesIO(faces), np.int64, ndmin=2) - 1
 
 
-_READERS = {".mat": _read_mat, ".vert": _read_text}
+_READERS: dict[str, Callable[..., tuple[NDArray, NDArray]]] = {".mat": _read_mat, ".vert": _read_text}

@@ -183,4 +183,8 @@ def _write_obj(path: Path, vertices: NDArray[np.float64], faces: NDArray[np.int6
         np.savetxt(file, faces + 1, fmt="f %d %d %d")
 
 
-WRITERS: dict[str, Callable[[Path, NDArray[np.float64], NDArray[np.int64]], None]] = {".off": _write_off, ".obj": _write_obj, ".ply": _write_ply}
+WRITERS: dict[str, Callable[[Path, NDArray, NDArray], None]] = {
+    ".off": _write_off,
+    ".obj": _write_obj,
+    ".ply": _write_ply,
+}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from studies.planning.code import digest_of_code
+from studies.planning.fingerprint import digest_of_code
 from studies.planning.targets import check_required, construct, locate
 from studies.segmenters.heat_walk import HeatWalk
 from studies.segmenters.labels import LABELS_OF, LabelError, labels_at_vertices

@@ -80,7 +80,9 @@ def too_few_labels(vertices, faces):
     ],
 )
 def test_a_segmenter_that_fails_is_a_row(ant_trial, segmenter, error):
-    row = row_of(dataclasses.replace(ant_trial, segmenter=segmenters.make({"_target_": f"{__name__}.{segmenter}"})))
+    row = row_of(
+        dataclasses.replace(ant_trial, segmenter=segmenters.make_segmenter({"_target_": f"{__name__}.{segmenter}"}))
+    )
     assert row["status"] == "failed"
     assert row["error"].startswith(error)
     assert row["change_percentage"] is None
