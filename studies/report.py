@@ -13,7 +13,8 @@ import hydra.utils
 import pandas as pd
 from omegaconf import OmegaConf
 
-from studies.storage import store
+from studies.planning.trial import columns_of
+from studies.storage import atomic_write, read_rows, result_folders
 
 # What the paper's own experiments were made on; its claims are compared with no others.
 PAPERS_DATASETS = ("psb", "tosca")
@@ -36,12 +37,12 @@ class Stored:
             raise ValueError(f"{folder} holds the results of an earlier version: run its study again, or move it away")
         experiment = hydra.utils.instantiate(cfg.experiment)
         command = json.loads((folder / "provenance.json").read_text())["command"]
-        return cls(folder, cfg, store.stored(folder, experiment.columns), experiment, command)
+        return cls(folder, cfg, read_rows(folder, columns_of(experiment)), experiment, command)
 
 
 def stored(results):
     """Every study under ``results`` that has rows, in the order of the paper's sections."""
-    found = [Stored.load(folder) for folder in store.folders(results) if (folder / "config.yaml").exists()]
+    found = [Stored.load(folder) for folder in result_folders(results) if (folder / "config.yaml").exists()]
     return sorted(
         (study for study in found if not study.rows.empty),
         key=lambda study: (str(study.cfg.study.section), study.folder.as_posix()),
@@ -152,7 +153,7 @@ def main(arguments=None):
     console = Console()
     for study in found:
         show.write(study.experiment, study.cfg, study.folder, study.rows, console)
-    with store.replacing(results / "README.md") as path:
+    with atomic_write(results / "README.md") as path:
         path.write_text(page(found, results))
     console.print(f"{len(found)} studies; the page is {results / 'README.md'}", highlight=False, soft_wrap=True)
     return 0

@@ -92,8 +92,9 @@ def run_study(cfg, subfolder=""):
     from rich.console import Console
 
     from studies.planning.plan import plan
+    from studies.planning.trial import columns_of
     from studies.reporting import progress, show
-    from studies.storage.store import Rows, Store
+    from studies.storage import RowStore, StoredRows
 
     if cfg.on_error not in ON_ERROR:
         raise ValueError(f"on_error is {cfg.on_error!r}: give one of {', '.join(ON_ERROR)}")
@@ -106,13 +107,13 @@ def run_study(cfg, subfolder=""):
     folder = Path(str(cfg.results_dir)) / trials[0].study / trials[0].dataset / subfolder
     console.print(f"{cfg.title} on {trials[0].dataset}: {len(trials):,} trials", highlight=False)
     if cfg.dry_run:
-        stored = None if cfg.fresh else Rows(folder)
+        stored = None if cfg.fresh else StoredRows(folder)
         missing = _missing(trials, stored, cfg.retry_failed)
         progress.show_plan(trials, missing, stored, _elsewhere(cfg, folder, missing), engine, console)
         return True
-    with Store(folder, cfg.fresh) as store:
-        if store.aside:
-            console.print(f"  moved aside: {store.aside}", highlight=False, soft_wrap=True)
+    with RowStore(folder, cfg.fresh) as store:
+        if store.moved_to:
+            console.print(f"  moved aside: {store.moved_to}", highlight=False, soft_wrap=True)
         if store.damaged:
             console.print(f"  {store.path}: {store.damaged} damaged rows left out; their trials run again")
         missing = _missing(trials, store, cfg.retry_failed)
@@ -121,9 +122,9 @@ def run_study(cfg, subfolder=""):
         _take_over(_elsewhere(cfg, folder, missing), missing, store, console)
         # Now and not at the end, so that a study that is killed can be shown.
         show.write_origin(cfg, folder, trials)
-        store.plan(trial.trial_id for trial in trials)
+        store.write_plan(trial.trial_id for trial in trials)
         end = _run_missing(engine, _missing(trials, store, cfg.retry_failed), store, console, cfg.on_error == "stop")
-        rows = store.frame([trial.trial_id for trial in trials], experiment.columns)
+        rows = store.frame([trial.trial_id for trial in trials], columns_of(experiment))
         if not rows.empty:
             show.write(experiment, cfg, folder, rows, console)
             if not end:
@@ -144,28 +145,28 @@ def run_study(cfg, subfolder=""):
 
 
 def _missing(trials, stored, retry_failed):
-    """The trials that are to be run, of which ``stored`` (Rows, or None) has no row, or none that will do."""
+    """The trials that are to be run, of which ``stored`` (StoredRows, or None) has no row, or none that will do."""
     status = stored.status if stored else {}
     return [t for t in trials if t.trial_id not in status or (retry_failed and status[t.trial_id] != "ok")]
 
 
 def _elsewhere(cfg, folder, missing):
     """Where rows of missing trials stand already; nowhere for who wants to start over."""
-    from studies.storage.store import elsewhere
+    from studies.storage import find_reusable
 
-    return {} if cfg.fresh else elsewhere(str(cfg.results_dir), folder, [trial.trial_id for trial in missing])
+    return {} if cfg.fresh else find_reusable(str(cfg.results_dir), folder, [trial.trial_id for trial in missing])
 
 
 def _take_over(found, missing, store, console):
     """Store the rows of missing trials that other studies had run, as this study's."""
-    from studies.planning.trial import empty_row
-    from studies.storage.store import fetch
+    from studies.planning.trial import planned_row
+    from studies.storage import read_reusable
 
     by_id = {trial.trial_id: trial for trial in missing} if found else {}
     for path, trial_ids in found.items():
         store.add_all(
-            row | {key: value for key, value in empty_row(by_id[row["trial_id"]]).items() if value is not None}
-            for row in fetch(path, trial_ids)
+            row | {key: value for key, value in planned_row(by_id[row["trial_id"]]).items() if value is not None}
+            for row in read_reusable(path, trial_ids)
         )
         console.print(f"  {len(trial_ids):,} of them taken over from {path}", highlight=False, soft_wrap=True)
 
@@ -175,23 +176,18 @@ def _run_missing(engine, missing, store, console, stop):
 
     stop : bool, whether to end at the first trial that fails
     """
-    from studies.execution import schedule
+    from studies.execution import run_trials
     from studies.reporting.progress import Progress
 
     if not missing:
         return ""
-    tasks = schedule.Schedule(missing, engine.remote)
     try:
-        with (
-            Progress(len(missing), engine, console) as progress,
-            closing(engine.run(schedule.execute, tasks)) as outcomes,
-        ):
-            for task, outcome in outcomes:
-                for row in tasks.rows(task, outcome):
-                    store.add(row)
-                    progress.count(row["status"])
-                    if stop and row["status"] != "ok":
-                        return "stopped at a trial that failed (on_error=stop)"
+        with Progress(len(missing), engine, console) as progress, closing(run_trials(engine, missing)) as rows:
+            for row in rows:
+                store.add(row)
+                progress.count(row["status"])
+                if stop and row["status"] != "ok":
+                    return "stopped at a trial that failed (on_error=stop)"
     except KeyboardInterrupt:
         return INTERRUPTED
     return ""

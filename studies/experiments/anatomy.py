@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 import trimesh
 
-from studies.execution.engine import gathered
+from studies.execution import map_ordered
 from studies.experiments.experiment import Claim, Experiment
 from studies.figures import plates
 from studies.planning.plan import StudyError, digest, identity
@@ -94,10 +94,10 @@ class Anatomy(Experiment):
                     dataset=dataset.name,
                     part=cfg.study.name,
                     model=model,
-                    mesh=mesh[1],
+                    mesh_digest=mesh[1],
                     segmenter=segmenter,
                     segmenter_name=segmenter.name,
-                    shares=digest(mesh),
+                    group_key=digest(mesh),
                     trial_id=digest("anatomy", mesh, *segmenter.identity)[:24],
                 )
             )
@@ -159,7 +159,7 @@ class Anatomy(Experiment):
                 yield (
                     stem,
                     shows,
-                    lambda plate=plate, names=names: gathered(
+                    lambda plate=plate, names=names: map_ordered(
                         engine, _draw, [(plate.shows, [by_name[name] for name in names])]
                     )[0],
                 )

@@ -113,10 +113,10 @@ class Benchmark(Experiment):
                         dataset=dataset.name,
                         part=cfg.study.name,
                         model=model,
-                        mesh=mesh[1],
+                        mesh_digest=mesh[1],
                         segmenter=judged,
                         segmenter_name=judged.name if judged else PEOPLE,
-                        shares=digest(mesh),
+                        group_key=digest(mesh),
                         trial_id=digest("benchmark", mesh, model.people_digest(), judged and judged.identity)[:24],
                     )
                 )

@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from omegaconf import OmegaConf
 
-from studies.execution.engine import gathered
+from studies.execution import map_ordered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.planning.code import digest_of_code
@@ -135,7 +135,7 @@ class Change(Experiment):
                             dataset=dataset.name,
                             part=part,
                             model=model,
-                            mesh=mesh[1],
+                            mesh_digest=mesh[1],
                             perturbation=perturbation,
                             segmenter=segmenter,
                             perturbation_name=perturbation.name,
@@ -144,7 +144,7 @@ class Change(Experiment):
                             unit=unit,
                             repeat=repeat,
                             seed=seed,
-                            shares=shares,
+                            group_key=shares,
                             trial_id=id_of(repeat, seed)[:24],
                         )
                     )
@@ -200,7 +200,7 @@ class Change(Experiment):
 
         def make():
             # By the workers: where drawing off screen takes a process down, the study's results stand all the same.
-            pictures = gathered(engine, render.pictures, [(of_model, style) for of_model in shown])
+            pictures = map_ordered(engine, render.pictures, [(of_model, style) for of_model in shown])
             return figures.gallery(list(zip(shown, pictures, strict=True)), rows, axes, style, title)
 
         if shown:

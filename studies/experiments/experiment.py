@@ -82,7 +82,7 @@ class Experiment(ABC):
     def surfaces(self, trials, rows, cfg, title, engine):
         """Pictures of surfaces, which are computed anew by the engine: yields (file stem, what it shows, make).
 
-        ``make()`` gives the matplotlib Figure, or raises studies.execution.engine.LostError; it is called only
+        ``make()`` gives the matplotlib Figure, or raises studies.execution.engine.TaskFailedError; it is called only
         where the file does not show that already.
         """
         return ()

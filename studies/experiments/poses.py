@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 from studies.datasets import Model
-from studies.execution.engine import gathered
+from studies.execution import map_ordered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.planning.plan import StudyError, digest, identity
@@ -42,7 +42,7 @@ class PoseTrial(Trial):
     poses: tuple[Model, ...]
     segmenter: Segmenter
 
-    def known(self):
+    def known_values(self):
         return {"other": self.other.name}
 
     def prepare(self):
@@ -130,13 +130,13 @@ class Poses(Experiment):
                         dataset=dataset.name,
                         part=shape,
                         model=a,
-                        mesh=meshes[a.name][1],
+                        mesh_digest=meshes[a.name][1],
                         other=b,
                         poses=poses,
                         segmenter=segmenter,
                         segmenter_name=segmenter.name,
                         perturbation_name="pose",
-                        shares=shares,
+                        group_key=shares,
                         trial_id=digest("pose", meshes[a.name], meshes[b.name], *segmenter.identity)[:24],
                     )
                 )
@@ -180,8 +180,8 @@ class Poses(Experiment):
         for stem, plate in cfg.plates.items():
             poses = [str(name) for name in plate.models if str(name) in there]
             shown = [(there[name], name) for name in poses or list(there)[: cfg.gallery.columns]]
-            shows = " ".join(f"{name} {trial.shares}" for trial, name in shown)
-            yield stem, shows, lambda shown=shown, plate=plate: gathered(engine, _draw, [(shown, plate.upright)])[0]
+            shows = " ".join(f"{name} {trial.group_key}" for trial, name in shown)
+            yield stem, shows, lambda shown=shown, plate=plate: map_ordered(engine, _draw, [(shown, plate.upright)])[0]
 
 
 def _draw(task):

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import trimesh
 
-from studies.execution.engine import gathered
+from studies.execution import map_ordered
 from studies.experiments.experiment import Claim, Experiment
 from studies.metrics import change_percentage, rand_index_error, van_dongen
 from studies.planning.plan import StudyError, digest, identity, whole_number
@@ -110,14 +110,14 @@ class Times(Experiment):
                     dataset=dataset.name,
                     part=cfg.study.name,
                     model=model,
-                    mesh=mesh[1],
+                    mesh_digest=mesh[1],
                     times=times,
                     segmenter=segmenter,
                     segmenter_name=segmenter.name,
                     perturbation_name="time",
                     level=time,
                     unit=segmenter.method.time_unit,
-                    shares=shares,
+                    group_key=shares,
                     trial_id=digest("time", mesh, time, *segmenter.identity)[:24],
                 )
                 for time in times
@@ -157,8 +157,8 @@ class Times(Experiment):
         named = [first[str(name)] for name in cfg.figure15.models if str(name) in first]
         shown = (named or [trials[0]])[0]
         times = list(cfg.figure15.times)
-        shows = f"{shown.model.name} {shown.shares} {times}"
-        yield "figure15", shows, lambda: gathered(engine, _draw, [(shown, times)])[0]
+        shows = f"{shown.model.name} {shown.group_key} {times}"
+        yield "figure15", shows, lambda: map_ordered(engine, _draw, [(shown, times)])[0]
 
     def curves(self, rows, tables, cfg, title):
         from studies.figures import curves as figures

@@ -1,24 +1,17 @@
 """What a study leaves behind: rows, tables, pictures, and what they were made from."""
 
 import json
-import platform
 import shlex
-import subprocess
-from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 from rich.table import Table
 
-import heatwalk
-from studies.execution.engine import LostError
+from studies.execution.engine import TaskFailedError
 from studies.statistics import tables
-from studies.storage.store import TABLE, replacing
-
-CODE = ("../../heatwalk", "../../perturb", "../../studies", "../../conf")
-PACKAGES = ("numpy", "scipy", "trimesh", "pymeshlab", "fast-simplification", "pandas", "hydra-core")
+from studies.storage import TABLE_FILE, atomic_write
+from studies.storage.provenance import provenance
 
 
 def write(experiment, cfg, folder, rows, console):
@@ -35,15 +28,15 @@ def write(experiment, cfg, folder, rows, console):
     from studies.figures import curves as figures
 
     title = f"{cfg.title} on {rows['dataset'].iloc[0]}"
-    with replacing(folder / TABLE) as path:
+    with atomic_write(folder / TABLE_FILE) as path:
         rows.to_parquet(path, index=False)
     made = experiment.tables(rows, cfg)
     for stem, table in made.items():
-        with replacing(folder / f"{stem}.csv") as path:
+        with atomic_write(folder / f"{stem}.csv") as path:
             table.to_csv(path, index=False, float_format="%.6g")
     table = next(iter(made.values()))
     shown = experiment.display(table)
-    with replacing(folder / "table.md") as path:
+    with atomic_write(folder / "table.md") as path:
         path.write_text(tables.markdown(title, experiment.headings, shown, experiment.notes))
     for stem, figure in experiment.curves(rows, made, cfg, title).items():
         figures.save(figure, folder / f"{stem}.png")
@@ -56,10 +49,13 @@ def write_origin(cfg, folder, trials):
     if said.dataset.get("root"):
         # Where the data lie on this machine is nobody else's; what they are, provenance.json says by their digests.
         said.dataset.root = Path(str(said.dataset.root)).name
-    with replacing(folder / "config.yaml") as path:
+    with atomic_write(folder / "config.yaml") as path:
         OmegaConf.save(said, path)
-    with replacing(folder / "provenance.json") as path:
-        path.write_text(json.dumps(_provenance(trials), indent=2) + "\n")
+    with atomic_write(folder / "provenance.json") as path:
+        path.write_text(
+            json.dumps(provenance({trial.model.name: trial.mesh_digest for trial in trials}, _command()), indent=2)
+            + "\n"
+        )
 
 
 def draw(experiment, cfg, folder, trials, rows, engine, console):
@@ -74,7 +70,7 @@ def draw(experiment, cfg, folder, trials, rows, engine, console):
         with console.status(f"drawing {path.name}"):
             try:
                 figure = make()
-            except LostError as lost:
+            except TaskFailedError as lost:
                 console.print(f"no {path.name}: drawing it failed: {lost}", markup=False, soft_wrap=True)
                 continue
         figures.save(figure, path, shows)
@@ -100,21 +96,6 @@ def _terminal_table(title, experiment, rows, narrow):
     return shown
 
 
-def _provenance(trials):
-    """What the results were made with and from."""
-    return {
-        "command": _command(),
-        "made": datetime.now(UTC).isoformat(timespec="seconds"),
-        "commit": _commit(),
-        "version": heatwalk.__version__,
-        "algorithm_version": heatwalk.ALGORITHM_VERSION,
-        "python": platform.python_version(),
-        "platform": f"{platform.system()} {platform.machine()}",
-        "packages": {name: metadata.version(name) for name in PACKAGES},
-        "meshes_sha256": {trial.model.name: trial.mesh for trial in trials},
-    }
-
-
 # Options that say where things are and who works, not what is done.
 ELSEWHERE = ("results_dir", "dataset.root", "engine", "trial", "gallery")
 
@@ -126,22 +107,3 @@ def _command():
     options = HydraConfig.get().overrides.task
     said = [option for option in options if not option.lstrip("+").startswith(ELSEWHERE)]
     return f"python -m studies.run {shlex.join(said)}"
-
-
-def _commit():
-    """The commit of the checkout that this code runs from, marked when it was changed; None after an install."""
-
-    def git(*words):
-        return subprocess.run(
-            ["git", *words], cwd=Path(__file__).parent, capture_output=True, text=True, check=True
-        ).stdout.strip()
-
-    try:
-        tracked = git("ls-files", Path(__file__).name)
-        return (
-            git("rev-parse", "HEAD") + ("+changes" if git("status", "--porcelain", "--", *CODE) else "")
-            if tracked
-            else None
-        )
-    except (OSError, subprocess.CalledProcessError):
-        return None

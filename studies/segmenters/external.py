@@ -12,8 +12,10 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import psutil
 
-GUARD = Path(__file__).parents[1] / "execution" / "guard.py"
+SUPERVISOR = Path(__file__).parents[1] / "execution" / "supervise_program.py"
+PACKAGES = Path(psutil.__file__).parents[1]  # what the supervisor imports
 TAIL = 300  # characters of what a program printed last that an error quotes
 
 
@@ -71,7 +73,7 @@ class External:
         return digest.hexdigest()
 
     def __call__(self, vertices, faces):
-        # The guard may have removed the folder already.
+        # The supervisor may have removed the folder already.
         with tempfile.TemporaryDirectory(prefix="segmenter-", ignore_cleanup_errors=True) as folder:
             mesh, labels, printed = (Path(folder, name) for name in (f"mesh{self.suffix}", "labels.txt", "printed.txt"))
             WRITERS[self.suffix](mesh, vertices, faces)
@@ -80,7 +82,7 @@ class External:
             with (
                 printed.open("wb") as sink,
                 subprocess.Popen(
-                    [sys.executable, "-I", "-S", str(GUARD), folder, *words],
+                    [sys.executable, "-I", "-S", str(SUPERVISOR), str(PACKAGES), folder, *words],
                     stdin=subprocess.PIPE,
                     stdout=sink,
                     stderr=subprocess.STDOUT,

@@ -11,8 +11,9 @@ import pytest
 from hydra import compose, initialize_config_module
 
 from perturb import perturbation
-from studies.execution.engine import Serial
-from studies.execution.schedule import Schedule, execute
+from studies.columns import Column, dtypes
+from studies.execution import Serial
+from studies.execution import run_trials as rows_of
 from studies.planning.trial import COLUMNS
 from studies.run import main, run_study
 from tests.helpers.meshes import bundled
@@ -93,9 +94,7 @@ def run_trials():
     """A function: planned trials, an experiment's own columns -> the DataFrame of their rows, run in this process."""
 
     def run(planned, further=None):
-        schedule = Schedule(planned)
-        rows = [row for task, outcome in Serial().run(execute, schedule) for row in schedule.rows(task, outcome)]
-        columns = COLUMNS | (further or {})
-        return pd.DataFrame(rows, columns=list(columns)).astype(columns)
+        columns = dtypes([*COLUMNS, *(Column(name=name, dtype=dtype) for name, dtype in (further or {}).items())])
+        return pd.DataFrame(list(rows_of(Serial(), planned)), columns=list(columns)).astype(columns)
 
     return run

@@ -64,7 +64,7 @@ def test_it_leaves_what_the_documentation_lists_and_nothing_else(small_study):
 def test_the_rows_are_whole(small_study):
     _, results = small_study
     rows = pd.read_parquet(results / "trials.parquet")
-    assert list(rows.columns) == list(COLUMNS)
+    assert list(rows.columns) == [column.name for column in COLUMNS]
     assert len(rows) == 4
     assert (rows["status"] == "ok").all()
     assert (rows["change_percentage"] >= rows["van_dongen"]).all()

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 import heatwalk
-from studies.execution.engine import Serial
+from studies.execution import Serial
 from studies.experiments import Anatomy
 from studies.planning.plan import StudyError, plan
 from tests.helpers.meshes import bundled

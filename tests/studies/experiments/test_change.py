@@ -6,8 +6,7 @@ import pytest
 
 import heatwalk
 from studies import segmenters
-from studies.execution.engine import Serial
-from studies.execution.schedule import Schedule, execute
+from studies.execution import Serial, run_trials
 from studies.metrics import change_percentage
 from studies.planning import trial as trials
 from studies.planning.plan import plan
@@ -15,8 +14,7 @@ from studies.planning.plan import plan
 
 def row_of(trial):
     """The row of one trial, run in this process."""
-    schedule = Schedule([trial])
-    (row,) = [row for task, outcome in Serial().run(execute, schedule) for row in schedule.rows(task, outcome)]
+    (row,) = run_trials(Serial(), [trial])
     return row
 
 
@@ -31,7 +29,7 @@ def test_the_row_says_what_the_parts_say(ant_trial):
     reference = heatwalk.segment(mesh.vertices, mesh.faces).labels
     perturbed = ant_trial.perturbation(ant_trial.prepare().mesh, np.random.default_rng(ant_trial.seed))
     labels = heatwalk.segment(perturbed.mesh.vertices, perturbed.mesh.faces).labels
-    assert set(row) == set(trials.COLUMNS) | {"seconds"}
+    assert set(row) == {column.name for column in trials.COLUMNS} | {"seconds"}
     assert row["status"] == "ok"
     assert row["change_percentage"] == change_percentage(reference, labels)
     assert row["n_segments_reference"] == len(set(reference))

@@ -6,7 +6,7 @@ import pytest
 
 import heatwalk
 from heatwalk.io.files import read_mesh
-from studies.execution.engine import Serial
+from studies.execution import Serial
 from studies.experiments import Poses
 from studies.experiments.poses import matrices, pose_interval
 from studies.metrics import change_percentage

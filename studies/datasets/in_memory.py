@@ -7,8 +7,8 @@ from studies.datasets.dataset import Model
 
 
 @dataclass(frozen=True)
-class Carried(Model):
-    """A model that is read when it is sent: what arrives elsewhere is `InMemory`."""
+class EmbeddedModel(Model):
+    """A model that is read when it is sent: what arrives elsewhere is `InMemoryModel`."""
 
     model: Model
 
@@ -25,11 +25,11 @@ class Carried(Model):
                 read[what] = getattr(self.model, what)()
             except Exception as error:  # as it would have been raised there, if it is asked for at all
                 read[what] = error
-        return InMemory, (self.name, self.category, read)
+        return InMemoryModel, (self.name, self.category, read)
 
 
 @dataclass(frozen=True)
-class InMemory(Model):
+class InMemoryModel(Model):
     """A model's content.
 
     read : dict, name of a method of `Model` -> what it gives, or the exception that it raises
@@ -55,12 +55,12 @@ class InMemory(Model):
         return self.read[what]
 
 
-def carried(trial):
+def embed_models(trial):
     """A trial whose models, wherever in its fields, take their content along."""
     carriers = {}  # one a model, or a pickle would hold its content as often as it is named
 
     def carrier(model):
-        return carriers.setdefault(model, Carried(model.name, model.category, model))
+        return carriers.setdefault(model, EmbeddedModel(model.name, model.category, model))
 
     fields = {}
     for field in dataclasses.fields(trial):
