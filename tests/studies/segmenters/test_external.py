@@ -7,8 +7,8 @@ import time
 import numpy as np
 import psutil
 import pytest
-from heatwalk.io import read_mesh
 
+from heatwalk.io import read_mesh
 from studies.execution import Local, TaskFailure
 from studies.segmenters import External, make_segmenter
 from tests.helpers.meshes import bundled
