@@ -30,7 +30,7 @@ from studies.figures.style import (
     TWO_COLUMNS,
     group_style,
 )
-from studies.storage.store import replacing
+from studies.storage import atomic_write
 
 # Embedding a font in a PDF logs what is left out of it.
 logging.getLogger("fontTools").setLevel(logging.WARNING)
@@ -90,10 +90,10 @@ def save(figure: Figure, path: Path, content: str | None = None) -> None:
     OSError
         if a file cannot be written
     """
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         figure.savefig(part, dpi=DPI, metadata={"Software": None} | ({} if content is None else {"Shows": content}))
     if content is None:
-        with replacing(path.with_suffix(".pdf")) as part:
+        with atomic_write(path.with_suffix(".pdf")) as part:
             figure.savefig(part, metadata={"CreationDate": None, "Creator": None, "Producer": None})
 
 

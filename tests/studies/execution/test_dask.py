@@ -1,0 +1,201 @@
+"""A real scheduler and two workers, processes of their own, over TCP on loopback."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import psutil
+import pytest
+from studies.planning.plan import plan
+
+from studies.datasets.files import FileModel
+from studies.execution import Serial, TaskFailure, run_trials
+from studies.planning.trial import COLUMNS, TIMINGS
+from tests.helpers.meshes import bundled
+from tests.studies.conftest import STUDY
+from tests.studies.execution.engines import (
+    abort_at_three,
+    blas_threads,
+    completed,
+    hang_at_three,
+    kill_the_dask_worker_at_three,
+    outcomes_of,
+    process,
+    square,
+    wait_for,
+)
+
+pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
+
+from studies.execution import Dask
+
+PROJECT = str(Path(__file__).parents[3])
+ALLOWED_FAILURES = 1  # how many workers a task may lose
+
+
+def start(folder, *words):
+    command = [sys.executable, "-m", "dask", *words]
+    environment = os.environ | {
+        "PYTHONPATH": PROJECT,  # as if it was installed
+        "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(ALLOWED_FAILURES),
+    }
+    with (folder / f"{words[0]}-{len(list(folder.iterdir()))}.log").open("wb") as log:
+        return subprocess.Popen(command, cwd=folder, env=environment, stdout=log, stderr=log, start_new_session=True)
+
+
+def start_worker(folder):
+    """A nanny and its worker."""
+    return start(folder, "worker", "--scheduler-file", "scheduler.json", "--nthreads", "1", "--no-dashboard")
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory):
+    """A scheduler's address, and the folder of its file and two workers."""
+    folder = tmp_path_factory.mktemp("dask")
+    words = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", "scheduler.json")
+    programs = [start(folder, "scheduler", *words)]
+    wait_for((folder / "scheduler.json").exists)
+    programs += [start_worker(folder), start_worker(folder)]
+    yield json.loads((folder / "scheduler.json").read_text())["address"], programs[1:], folder
+    for program in programs:
+        os.killpg(program.pid, signal.SIGTERM)
+    for program in programs:
+        program.wait()
+
+
+def test_every_task_gets_its_own_outcome(scheduler):
+    engine = Dask(scheduler[0])
+    assert outcomes_of(engine, square, range(30)) == {x: x * x for x in range(30)}
+    assert engine.active() == []
+
+
+def test_work_is_done_by_processes_of_the_workers_with_one_blas_thread_each(scheduler):
+    pids = {pid for _, pid in completed(Dask(scheduler[0]), process, range(12))}
+    assert len(pids) == 2
+    assert os.getpid() not in pids
+    assert {n for _, n in completed(Dask(scheduler[0]), blas_threads, [0])} == {1}
+
+
+def test_a_task_that_crashes_or_hangs_costs_itself_only_and_no_worker(scheduler):
+    outcomes_of(Dask(scheduler[0]), square, range(8))  # the workers start their processes
+    before = {child.pid for worker in scheduler[1] for child in psutil.Process(worker.pid).children()}
+    outcomes = outcomes_of(Dask(scheduler[0]), abort_at_three, range(8))
+    assert outcomes.pop(3) == TaskFailure("crashed", "its process died with exit code -6")
+    assert outcomes == {x: x for x in range(8) if x != 3}
+    outcomes = outcomes_of(Dask(scheduler[0], timeout=2), hang_at_three, range(8))
+    assert outcomes.pop(3) == TaskFailure("timeout", "took longer than trial.timeout=2 seconds")
+    assert outcomes == {x: x for x in range(8) if x != 3}
+    assert before == {child.pid for worker in scheduler[1] for child in psutil.Process(worker.pid).children()}
+
+
+def test_a_worker_finds_the_modules_that_the_head_process_finds(scheduler, own_modules):
+    (own_modules / "only_the_head_has_it.py").write_text("def cube(x):\n    return x**3\n")
+    sys.path.insert(0, str(own_modules))
+    import only_the_head_has_it
+
+    assert outcomes_of(Dask(scheduler[0]), only_the_head_has_it.cube, [2, 3]) == {2: 8, 3: 27}
+
+
+def slowly(task):
+    x, folder = task
+    open(os.path.join(folder, f"{os.getpid()}"), "w").close()
+    time.sleep(0.3)
+    return x * x
+
+
+def test_a_worker_that_is_killed_costs_nothing(scheduler, tmp_path):
+    address, workers, _ = scheduler
+    tasks = [(x, str(tmp_path)) for x in range(24)]
+    results = completed(Dask(address), slowly, tasks)
+    outcomes = dict(next(results) for _ in range(4))
+    wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
+    os.killpg(workers[0].pid, signal.SIGKILL)  # the nanny; its worker is in another session
+    victims = [path.name for path in tmp_path.iterdir()]
+    outcomes |= dict(results)
+    assert outcomes == {(x, path): x * x for x, path in tasks}
+    assert len(victims) == 2
+
+
+@pytest.mark.slow  # three workers start one after the other
+def test_a_task_that_kills_one_worker_after_the_other_is_given_up_and_the_others_go_on(scheduler):
+    outcomes = {}
+    with Dask(scheduler[0]).open(kill_the_dask_worker_at_three) as session:
+        for x in (2, 3, 4, 5):
+            session.submit(x)
+            while session.pending:
+                outcomes |= session.wait()
+    assert outcomes == {2: 2, 3: TaskFailure("crashed", "the worker that ran it died, 2 times"), 4: 4, 5: 5}
+
+
+def test_it_says_which_tasks_the_workers_have(scheduler):
+    engine = Dask(scheduler[0])
+    seen = set()
+    for _ in completed(engine, process, range(8)):
+        seen.update(engine.active())
+        assert len(engine.active()) <= 4
+    assert len(seen) >= 4
+
+
+def test_a_cluster_is_started_for_the_study_and_ends_with_it():
+    options = {"n_workers": 1, "threads_per_worker": 2, "dashboard_address": ":0"}
+    engine = Dask(cluster={"_target_": "distributed.LocalCluster", **options})
+    pids = {pid for _, pid in completed(engine, process, range(8))}
+    assert len(pids) == 2
+    wait_for(lambda: not any(psutil.pid_exists(pid) for pid in pids))
+
+
+@pytest.mark.parametrize("options", [{}, {"address": "tcp://127.0.0.1:1", "cluster": {}}])
+def test_it_is_told_one_scheduler(options):
+    with pytest.raises(ValueError, match=r"engine\.address=tcp://HOST:PORT"):
+        Dask(**options)
+
+
+def test_a_scheduler_that_is_not_there_is_an_error():
+    import dask
+
+    with dask.config.set({"distributed.comm.timeouts.connect": "1s"}), pytest.raises(OSError, match=r"127\.0\.0\.1:1"):
+        list(completed(Dask("tcp://127.0.0.1:1"), square, [1]))
+
+
+KEPT = [column.name for column in COLUMNS if column.name not in TIMINGS]
+
+
+class NotRemote(Dask):
+    remote = False
+
+
+@dataclass(frozen=True)
+class OnlyHere(FileModel):
+    """A mesh whose file one process alone sees."""
+
+    pid: int
+
+    def load(self):
+        if os.getpid() != self.pid:
+            raise FileNotFoundError(f"{self.path}: only process {self.pid} sees it")
+        return super().load()
+
+
+def test_meshes_reach_workers_that_do_not_see_their_files(scheduler, tmp_path, composed):
+    bundled("ant").export(tmp_path / "ant.off")
+    (tmp_path / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n")
+    words = ("dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1,0.2]", "repeats=2", *STUDY[3:5])
+    planned = [
+        replace(trial, model=OnlyHere(trial.model.name, "", trial.model.path, os.getpid()))
+        for trial in plan(composed("+study=normal_noise", *words))
+    ]
+
+    def rows(engine):
+        found = run_trials(engine, planned)
+        return {row["trial_id"]: {key: row[key] for key in KEPT} for row in found}
+
+    engine = Dask(scheduler[0])
+    expected = rows(Serial())
+    assert sorted(row["status"] for row in expected.values()) == ["failed"] * 4 + ["ok"] * 4
+    assert rows(engine) == expected
+    assert {row["status"] for row in rows(NotRemote(scheduler[0])).values()} == {"failed"}
