@@ -459,7 +459,7 @@ def pair_matrices(changes: Mapping[Any, pd.DataFrame], title: str) -> Chart:
     Parameters
     ----------
     changes : mapping
-        shape, or (shape, segmenter) -> square DataFrame whose rows and columns are the poses
+        shape, or (shape, segmenter) -> square DataFrame whose rows and columns are the poses; empty ones are left out
     title : str
         title of the chart
 
@@ -476,17 +476,15 @@ def pair_matrices(changes: Mapping[Any, pd.DataFrame], title: str) -> Chart:
     >>> chart.panels[0].title, chart.panels[0].values, chart.panels[0].high
     ('cat: mean 3.0 %', ((0.0, 3.0), (3.0, 0.0)), 3.0)
     """
-    keys = {key: key if isinstance(key, tuple) else (key, "") for key in changes}
-    segmenters = list(dict.fromkeys(segmenter for _, segmenter in keys.values()))
-    shapes = list(dict.fromkeys(shape for shape, _ in keys.values()))
-    largest = max((_largest(change) for change in changes.values()), default=0.0) or 1.0
-    ordered = sorted(changes, key=lambda key: (segmenters.index(keys[key][1]), shapes.index(keys[key][0])))
-    several = len(segmenters) > 1
+    named = {_shape_and_segmenter(key): change for key, change in changes.items() if change.size}
+    shapes = dict.fromkeys(shape for shape, _ in named)
+    segmenters = list(dict.fromkeys(segmenter for _, segmenter in named))
+    largest = max(map(_largest, named.values()), default=0.0) or 1.0
     heat_maps = tuple(
-        _heat_map("\n".join(map(str, reversed(keys[key]))) if several else str(keys[key][0]), changes[key], largest)
-        for key in ordered
+        _heat_map(f"{segmenter}\n{shape}" if len(segmenters) > 1 else shape, named[shape, segmenter], largest)
+        for shape, segmenter in sorted(named, key=lambda key: segmenters.index(key[1]))
     )
-    # As many to a row, in as few rows as possible.
+    # Rows of about the same length, as few as possible.
     n_rows = math.ceil(len(shapes) / MOST_HEAT_MAPS_PER_ROW)
     return Chart(title, heat_maps, per_row=math.ceil(len(shapes) / max(n_rows, 1)))
 
@@ -636,6 +634,11 @@ def _heat_map(name: str, change: pd.DataFrame, largest: float) -> HeatMap:
         high=largest,
         label=CHANGE,
     )
+
+
+def _shape_and_segmenter(key: str | tuple[str, ...]) -> tuple[str, str]:
+    shape, *segmenter = (key,) if isinstance(key, str) else key
+    return str(shape), " ".join(map(str, segmenter))
 
 
 def _largest(change: pd.DataFrame) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from heatwalk import faces_from_vertices
-from heatwalk.io.files import label_colours
+from heatwalk.io import label_colours
 from studies.metrics import match_labels
 
 BACKGROUND = -1  # the label of the dissipator region, which is grey

@@ -66,6 +66,10 @@ def draw(chart: Chart) -> Figure:
     >>> float(figure.get_figwidth()), figure.axes[0].get_title()
     (3.4, 'Holes')
     """
+    if not chart.panels:
+        figure = Figure(figsize=(ONE_COLUMN, 0.5))
+        figure.suptitle(f"{chart.title}: no data")
+        return figure
     if any(isinstance(panel, HeatMap) for panel in chart.panels):
         return _draw_heat_maps(chart, [panel for panel in chart.panels if isinstance(panel, HeatMap)])
     return _draw_panels(chart, [panel for panel in chart.panels if isinstance(panel, Panel)])

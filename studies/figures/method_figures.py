@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from heatwalk.io.files import label_colours
+import perturb
+from heatwalk.io import label_colours
 from studies.figures.colours import BACKGROUND, match_colours
 from studies.figures.pictures import ColourBar, Picture, Tile
 from studies.figures.surfaces import surface
@@ -464,10 +465,8 @@ PLATES = (*_OF_ONE_MODEL, "showcase")
 
 
 def _load(model: Any) -> trimesh.Trimesh:
-    import trimesh
-
     loaded = model.load()
-    return trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
+    return perturb.as_trimesh(loaded.vertices, loaded.faces)
 
 
 def _segment(trial: Any) -> tuple[trimesh.Trimesh, Segmentation]:
