@@ -67,7 +67,7 @@ class Anatomy(Experiment):
     Parameters
     ----------
     plates : mapping of str to mapping
-        by file stem: ``shows``, one of the plates of `studies.figures.method_figures`, and ``models``: their names, of which
+        by file stem: ``shows``, one of ``studies.figures.method_figures.PLATES``, and ``models``: their names, of which
         those in the study are shown, by default the first; or "each_category" for the first model of each category
     """
 

@@ -637,6 +637,7 @@ def _heat_map(name: str, change: pd.DataFrame, largest: float) -> HeatMap:
 
 
 def _shape_and_segmenter(key: str | tuple[str, ...]) -> tuple[str, str]:
+    """The two parts of a key of `pair_matrices`; the segmenter is "" if the key has none."""
     shape, *segmenter = (key,) if isinstance(key, str) else key
     return str(shape), " ".join(map(str, segmenter))
 
