@@ -213,7 +213,7 @@ class Times(Experiment):
         self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
     ) -> Iterable[Picture]:
         """One model at a few times."""
-        from studies.figures.plates import TimePlate
+        from studies.figures.method_figures import TimePlate
 
         if not self.plate:
             return
