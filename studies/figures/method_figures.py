@@ -183,37 +183,17 @@ def walk(mesh: trimesh.Trimesh, seg: Segmentation) -> MethodFigure:
     Returns
     -------
     MethodFigure
-        numbers: settled, see `settled_shares`; exemplars, how many are left after 0, 1, 2 … steps
+        numbers: settled, the share of vertices that have reached their exemplar, and exemplars, how many are left, each
+        after 0, 1, 2 … steps
     """
     view = view_of(np.asarray(mesh.vertices))
-    shares = settled_shares(seg.walk)
+    shares = seg.walk.settled_shares()
     tiles, left = [], []
     for step, (groups, share) in enumerate(zip(seg.walk.steps, shares, strict=True)):
         left.append(len(np.unique(groups)))
         caption = f"step {step}: {left[-1]:,} groups\n{100 * share:.1f} % settled"
         tiles.append(Tile(surface(mesh, view, colours=_group_colours(seg.walk, groups)), caption))
     return MethodFigure(_in_rows(tiles, STEPS_PER_ROW), {"settled": shares.tolist(), "exemplars": left})
-
-
-def settled_shares(walk: HeatWalk) -> np.ndarray:
-    """The share of vertices that have reached their exemplar after 0, 1, 2 … steps of the walk.
-
-    Parameters
-    ----------
-    walk : heatwalk.accumulators.HeatWalk
-
-    Returns
-    -------
-    (steps + 1,) float array
-        ascending; the last is 1
-
-    Examples
-    --------
-    >>> from types import SimpleNamespace
-    >>> settled_shares(SimpleNamespace(steps=[np.array([0, 1, 2]), np.array([0, 0, 1]), np.array([0, 0, 0])])).tolist()
-    [0.3333333333333333, 0.6666666666666666, 1.0]
-    """
-    return np.array([np.mean(reached == walk.steps[-1]) for reached in walk.steps])
 
 
 def divergences(mesh: trimesh.Trimesh, seg: Segmentation) -> MethodFigure:
