@@ -427,13 +427,15 @@ def segment_counts(rows: pd.DataFrame, intervals: Sequence[tuple[float, float]],
     shares = _change_shares(counts, intervals)
     most = max((len(share) for of_segmenters in shares for share in of_segmenters.values()), default=1)
     categories = tuple(str(number) for number in range(1, most + 1))
-    x = Axis("different numbers of segments" if several else "different numbers of segments of a model", (), categories)
+    x = Axis(
+        "different numbers\nof segments" if several else "different numbers of segments of a model", (), categories
+    )
     if several:
         right = [
             Panel(
                 x=x,
                 y=Axis("" if i else "models (%)", from_zero=True),
-                title=f"Change within {name}",
+                title=f"Within {name}",
                 bars=tuple(
                     _share_bars(f"{segmenter}: {{:.1f}} %", share, categories, group=group)
                     for group, (segmenter, share) in enumerate(of_segmenters.items())
