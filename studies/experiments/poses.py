@@ -215,9 +215,7 @@ class Poses(Experiment):
 
         keys = by_segmenter(rows)
         groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
-        changes = {
-            (shape, *key): matrix for key, group in groups for shape, matrix in pair_matrices(group).items()
-        }
+        changes = {(shape, *key): matrix for key, group in groups for shape, matrix in pair_matrices(group).items()}
         return {study: charts.pair_matrices(changes, title)}
 
     def pictures(
