@@ -18,7 +18,7 @@ from tests.studies.figures.samples import CHARTS, INTERVALS, level_table, rows_o
 
 
 @pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
-def test_a_chart_is_plain_data_that_strict_json_holds(chart):
+def test_a_chart_is_plain_data_that_strict_json_can_represent(chart):
     assert json.loads(json.dumps(dataclasses.asdict(chart), allow_nan=False))["title"] == chart.title
     plain = (str, int, float, bool, type(None))
 

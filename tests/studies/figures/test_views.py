@@ -30,7 +30,7 @@ def test_the_other_axis_is_upright_if_the_given_one_points_at_the_camera(cloud):
     assert view_of(flat, 1).axes[1][2] > 0.9
 
 
-def test_a_frame_holds_every_vertex_and_touches_them_on_all_sides(cloud):
+def test_a_frame_contains_every_vertex_and_touches_them_on_all_sides(cloud):
     view = view_along(cloud, np.eye(3)[[1, 2, 0]])
     seen = (cloud - view.centre) @ view.axes[:2].T
     np.testing.assert_allclose(seen.max(axis=0), view.extent / 2)
