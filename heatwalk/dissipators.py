@@ -36,7 +36,7 @@ def relative_entropy_excess(
     -----
     p_x(y) ∝ h(x, y) is the density of vertex x, and q_C that of its region C. The entropy of p_x is part of both
     divergences, so that their difference is −Σ_y p_x(y) log(q_C(y)/u(y)) with the uniform density u over all n
-    vertices: one product with the factor of the kernel per region, O(n k) each, without a logarithm of the n x n kernel.
+    vertices: one product with the factor of the kernel per region, O(n k) each, and no logarithm of the n x n kernel.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def relative_entropy_excess(
     for part in kernel.parts():
         factor, n = kernel.rows(part), len(part)
         region = np.unique(labels[part], return_inverse=True)[1]
-        region_sums = sp.csr_array((np.ones(n), region, np.arange(n + 1))).T @ factor
+        region_sums = np.asarray(sp.csr_array((np.ones(n), region, np.arange(n + 1))).T @ factor)
         total = measure[part] @ factor
         # The densities of all regions, in blocks of rows: recomputing them in each pass is faster than keeping them.
         height = max(1, BLOCK_BYTES // (8 * len(region_sums)))
@@ -70,9 +70,7 @@ def relative_entropy_excess(
     return excess
 
 
-def divergence_from_uniform(
-    kernel: HeatKernel, weights: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
+def divergence_from_uniform(kernel: HeatKernel, weights: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """KL(p_x ‖ uniform) of every vertex, in nats (paper, Figure 4 b).
 
     Parameters

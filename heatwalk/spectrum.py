@@ -1,15 +1,15 @@
 """The smallest eigenpairs of (stiffness, mass), component by component.
 
-    for each connected component:
-        A = M^{-1/2} L M^{-1/2}, u = M^{1/2} φ
-        if it is small: all eigenpairs by a dense solver
-        else: shift and invert, S = (A - σ)⁻¹ with the constant projected out
-            block Lanczos on S until
-                every Ritz pair up to the limit has converged (`RITZ_TOLERANCE`)
-                and the first beyond the limit roughly so (`BEYOND_TOLERANCE`)
-            if so many eigenvalues are so close together that the start block may have too few columns to find all of
-            them: repeat with twice as many columns
-    check the residual of every pair
+for each connected component:
+    A = M^{-1/2} L M^{-1/2}, u = M^{1/2} φ
+    if it is small: all eigenpairs by a dense solver
+    else: shift and invert, S = (A - σ)⁻¹ with the constant projected out
+        block Lanczos on S until
+            every Ritz pair up to the limit has converged (`RITZ_TOLERANCE`)
+            and the first beyond the limit roughly so (`BEYOND_TOLERANCE`)
+        if so many eigenvalues are so close together that the start block may have too few columns to find all of
+        them: repeat with twice as many columns
+check the residual of every pair
 """
 
 from dataclasses import dataclass
@@ -37,10 +37,10 @@ MAX_RESIDUAL = 1e-8
 # Components of at most this many vertices are solved densely: faster than a factorisation, and complete.
 MAX_DENSE_SIZE = 300
 
-# Columns of the Krylov start block, and thus the number of exact copies of an eigenvalue that its space contains: doubled
-# where they are too few, as on 1 of 38 benchmark models. Even, because the inner loops take two at a time. A wider block
-# shares each pass over the factor among more columns, but needs more vectors overall, which cost time and memory: 82 with
-# 2 columns, 102 with 3 for the same 20 pairs.
+# Columns of the Krylov start block, and thus the number of exact copies of an eigenvalue that its space contains. It is
+# doubled if it is too small, as on 1 of 38 benchmark models. Even, because the inner loops take two columns at a time.
+# A wider block shares each pass over the factor among more columns, but needs more vectors overall, which cost time and
+# memory: 82 with 2 columns, 102 with 3 for the same 20 pairs.
 BLOCK_WIDTH = 2
 
 # A Ritz pair (θ, u) of S = (A - σ)⁻¹ has converged when ‖S u - θ u‖ is within this of θ. All pairs but the last are

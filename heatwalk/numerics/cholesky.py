@@ -1,27 +1,27 @@
 """Sparse Cholesky factorisation in dense panels, one panel per piece of the nested dissection.
 
 A - shift I = L Lᵀ. The columns of L that belong to one piece J form a panel: D, the square block on the diagonal, above
-F, the block below it reduced to its non-zero rows R(J). A panel stores [D⁻¹; F D⁻¹], transposed, so that each column of
-L is contiguous and a substitution step is a single product with the panel.
+F, the block below it reduced to its non-zero rows R(J). A panel stores [D⁻¹; F D⁻¹] column by column, so that a step of
+a substitution is a single product with the panel.
 
-    symbolic factorisation (`_panel_rows`)
+    symbolic factorisation                                                            `_panel_rows`
         for each piece J in order of elimination:
             R(J) = rows below J in the columns J of A, and in R(C) of each child C of J
             parent of J = the piece that contains the first row of R(J)
 
-    numeric factorisation (`_factorise`): right-looking
+    numeric factorisation, right-looking                                              `_factorise`
         for each piece J in order of elimination:
             add the columns J of A - shift I to the panel                             `_add_matrix_columns`
-            D Dᵀ = block on the diagonal; F = block below it D⁻ᵀ                      `_eliminate_narrow`, `_eliminate_wide`
-            store [D⁻¹; F D⁻¹] in the panel
+            D Dᵀ = block on the diagonal; F = block below it D⁻ᵀ                      `_eliminate_narrow`,
+            store [D⁻¹; F D⁻¹] in the panel                                           `_eliminate_wide`
             for each later piece K with columns in R(J):                              `_update_panels`
-                subtract the part of F Fᵀ in the columns K from the panel of K        `_subtract_narrow`, `_subtract_wide`
-
-    forward substitution (`_substitute_forward`), L y = x in place
+                subtract the part of F Fᵀ in the columns K from the panel of K        `_subtract_narrow`,
+                                                                                      `_subtract_wide`
+    forward substitution: L y = x in place                                            `_substitute_forward`
         for each piece J in order of elimination:
             [x(J); z] = [D⁻¹; F D⁻¹] x(J);   x(R(J)) -= z
 
-    backward substitution (`_substitute_backward`), Lᵀ x = y in place
+    backward substitution: Lᵀ x = y in place                                          `_substitute_backward`
         for each piece J in reverse order:
             x(J) = [D⁻¹; F D⁻¹]ᵀ [x(J); -x(R(J))]
 

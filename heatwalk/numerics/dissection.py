@@ -11,9 +11,9 @@
         todo += [the vertices before the separator, the vertices after it]
     the hubs are the last pieces
 
-On a surface the levels are geodesic circles, and the level of least isoperimetric ratio (its length over the square root
-of the smaller area that it bounds) is usually where a limb begins. Compared with the thinnest level near the middle,
-this choice saves a fifth of the entries of the factor and half of its arithmetic.
+On a surface the levels are geodesic circles, and the level of least isoperimetric ratio (its length over the square
+root of the smaller area that it bounds) is usually where a limb begins. Compared with the thinnest level near the
+middle, this choice saves a fifth of the entries of the factor and half of its arithmetic.
 
 References
 ----------
@@ -101,7 +101,18 @@ def _dissect(
         root = vertices[start]
         for _ in range(2):  # the last vertex that the first search meets is at an end of the subset
             n_levels = _breadth_first_levels(
-                indptr, indices, vertices, start, stop, root, n_subsets, n_searches, subset_of, seen_by, queue, level_ends
+                indptr,
+                indices,
+                vertices,
+                start,
+                stop,
+                root,
+                n_subsets,
+                n_searches,
+                subset_of,
+                seen_by,
+                queue,
+                level_ends,
             )
             n_searches += 1
             root = queue[stop - 1]

@@ -1,15 +1,15 @@
 """Block Lanczos iteration with full reorthogonalisation.
 
-    V = orthonormal basis of the start block                                          `_orthonormalise`
-    repeat:
-        W = S times the last block of V
-        W = V C + Q R, with Q orthonormal and orthogonal to V                         `Basis.split`
-            take out the components in the last two blocks, which are all of them but for rounding
-            take out the components in all of V: once is then enough
-            orthonormalise the rest
-        extend the projection Vᵀ S V by C
-        yield V, Vᵀ S V, Q, R: the caller derives eigenpairs and their errors, and stops when satisfied
-        V = [V, Q]
+V = orthonormal basis of the start block                                          `_orthonormalise`
+repeat:
+    W = S times the last block of V
+    W = V C + Q R, with Q orthonormal and orthogonal to V                         `Basis.split`
+        take out the components in the last two blocks, which are all of them but for rounding
+        take out the components in all of V: once is then enough
+        orthonormalise the rest
+    extend the projection Vᵀ S V by C
+    yield V, Vᵀ S V, Q, R: the caller derives eigenpairs and their errors, and stops when satisfied
+    V = [V, Q]
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -127,7 +127,7 @@ class Basis:
         return _remove_components(self._filled(), block)
 
     def combine(self, mix: Array) -> Array:
-        """basis @ ``mix``, with at most as many columns as the basis, which is lost: its memory is reused in stripes."""
+        """basis @ ``mix``, with at most as many columns as the basis, which is lost: the result reuses its memory."""
         n, columns = len(self.last), mix.shape[1]
         chunks, self._chunks, self._blocks = self._filled(), [], []
         for start in range(0, n, STRIPE):

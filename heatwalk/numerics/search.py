@@ -78,9 +78,7 @@ class Tree(NamedTuple):
     smallest: NDArray[np.int64]
 
 
-def largest_inner_products(
-    rows: NDArray[np.float64], tie: float
-) -> tuple[NDArray[np.int64], NDArray[np.float64], int]:
+def largest_inner_products(rows: NDArray[np.float64], tie: float) -> tuple[NDArray[np.int64], NDArray[np.float64], int]:
     """For each row x, the row y of largest inner product ⟨x, y⟩, and that product.
 
     Parameters
@@ -184,7 +182,7 @@ def _set_frame(
     key: NDArray[np.float64],
     sample: NDArray[np.float64],
 ) -> None:
-    """Set the frame and extents of the node with rows[start:stop], and their coordinates along its first axis as keys."""
+    """Set the frame and extents of the node with rows[start:stop]; the keys are coordinates along its first axis."""
     width = frame.shape[1]
     step = (stop - start + SAMPLE_SIZE - 1) // SAMPLE_SIZE
     count = (stop - start + step - 1) // step

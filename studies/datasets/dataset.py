@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.io.files import LoadedMesh
+from heatwalk.io import LoadedMesh
 
 
 class DatasetError(ValueError):

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.io.files import LoadedMesh, read_mesh, read_seg
+from heatwalk.io import LoadedMesh, read_mesh, read_seg
 from studies.datasets.dataset import Dataset, DatasetError, Model, check_there, natural_order, wanted
 from studies.datasets.folders import find, folder, read
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat
 
-from heatwalk.io.files import LoadedMesh, read_mesh
-from heatwalk.meshes import MeshError, check_arrays, referenced, shortened
+from heatwalk.io import LoadedMesh, read_mesh
+from heatwalk.meshes import MeshError, check_arrays, describe_error, referenced
 from studies.datasets.dataset import Dataset, DatasetError, Model, check_there, natural_order, wanted
 from studies.datasets.folders import find, folder, read
 
@@ -62,7 +62,7 @@ class TOSCAModel(Model):
         try:
             vertices, faces = check_arrays(*_READERS[self.suffix](*(file.read_bytes() for file in files)))
         except Exception as error:  # whatever a broken or missing file leads to
-            why = error if isinstance(error, MeshError) else shortened(error)
+            why = error if isinstance(error, MeshError) else describe_error(error)
             raise MeshError(f"{' and '.join(map(str, files))}: {why}") from error
         used = referenced(faces, len(vertices))
         if used.all():

@@ -10,7 +10,7 @@ import pymeshlab
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
-from heatwalk.io.files import label_colours
+from heatwalk.io import label_colours
 from studies.figures.curves import STYLE, grid
 from studies.figures.surfaces import FIELD_COLOURS, named_as, surface, view_of
 from studies.metrics import change_percentage

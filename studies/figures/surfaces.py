@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heatwalk import faces_from_vertices
-from heatwalk.io.files import label_colours
+from heatwalk.io import label_colours
 from studies.metrics import match_labels
 
 TILE = (720, 600)  # pixels, width and height: 2.4 in at 300 dpi
@@ -85,7 +85,7 @@ def surface(
     mesh : trimesh.Trimesh of n vertices and m faces
     view : View
     labels : (n,) int array, optional
-        a segment a vertex, each in the colour of ``heatwalk.io.files.label_colours``, the background (-1) in its grey.
+        a segment a vertex, each in the colour of ``heatwalk.io.label_colours``, the background (-1) in its grey.
         Without labels, colours and field the whole surface is grey.
     colours : (n, 3) uint8 array, optional
         a colour a vertex instead; a face has that of its first corner

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 import heatwalk
-from heatwalk.io.files import read_mesh, read_seg
+from heatwalk.io import read_mesh, read_seg
 from studies.experiments import Benchmark
 from studies.metrics import psb
 from studies.planning.plan import plan

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import heatwalk
-from heatwalk.io.files import read_mesh
+from heatwalk.io import read_mesh
 from studies.execution.engine import Serial
 from studies.experiments import Poses
 from studies.experiments.poses import matrices, pose_interval

@@ -8,7 +8,7 @@ import numpy as np
 import psutil
 import pytest
 
-from heatwalk.io.files import read_mesh
+from heatwalk.io import read_mesh
 from studies.execution.engine import Local, Lost
 from studies.segmenters import External, make
 from tests.helpers.meshes import bundled
