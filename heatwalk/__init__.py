@@ -1,17 +1,20 @@
 """The Heat Walk: segmentation of triangle meshes by the pathways of largest heat-flow capacity.
 
-A dumbbell with 2,562 vertices falls into its two ends; the handle dissipates heat:
+A dumbbell has two regions in which heat accumulates, its ends; its handle, label 2, dissipates heat:
 
->>> import numpy as np, trimesh
+>>> import numpy as np
+>>> import trimesh
 >>> import heatwalk
->>> mesh = trimesh.creation.icosphere(4)
->>> x = mesh.vertices[:, :1]
->>> vertices = mesh.vertices * np.hstack([3 + 0 * x, 0.2 + x**2, 0.2 + x**2])
->>> seg = heatwalk.segment(vertices, mesh.faces, time=4.0)
->>> len(seg.exemplars)
-2
->>> seg.labels.shape, seg.face_labels.shape
-((2562,), (5120,))
+>>> sphere = trimesh.creation.icosphere(4)
+>>> x, y, z = sphere.vertices.T
+>>> radius = 0.3 + 0.1 * x + x**2
+>>> seg = heatwalk.segment(np.column_stack([3 * x, radius * y, radius * z]), sphere.faces, time=1.0)
+>>> np.unique(seg.labels)
+array([0, 1, 2])
+>>> x[seg.exemplars].round().tolist()
+[1.0, -1.0]
+>>> seg.face_labels.shape
+(5120,)
 
 The names below are loaded on first use: SciPy and numba take longer to import than most meshes to segment.
 """

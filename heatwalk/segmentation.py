@@ -194,9 +194,10 @@ def segment_at_times(
     Examples
     --------
     >>> import trimesh
-    >>> mesh = trimesh.creation.icosphere(3).apply_scale([4, 1, 1])
-    >>> [len(seg.exemplars) for seg in segment_at_times(mesh.vertices, mesh.faces, [0.1, 10])]
-    [2, 2]
+    >>> mesh = trimesh.creation.icosphere(3).apply_scale([4, 1.2, 1])
+    >>> few, many = segment_at_times(mesh.vertices, mesh.faces, [10, 0.3])
+    >>> len(few.exemplars) < len(many.exemplars)
+    True
     """
     times = [float(time) for time in times]
     for time in times:
