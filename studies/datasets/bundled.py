@@ -13,7 +13,7 @@ import numpy as np
 import pymeshlab
 import trimesh
 
-from heatwalk.io.files import LoadedMesh, read_mesh
+from heatwalk.io import LoadedMesh, read_mesh
 from studies.datasets.dataset import Dataset, DatasetError, Model, selected_names
 
 

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.io.files import LoadedMesh
+from heatwalk.io import LoadedMesh
 from studies.datasets.dataset import Model
 
 AnyTrial = TypeVar("AnyTrial")

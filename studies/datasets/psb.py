@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.io.files import LoadedMesh, read_mesh, read_seg
+from heatwalk.io import LoadedMesh, read_mesh, read_seg
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, require_available, selected_names
 from studies.datasets.folders import find, folder, read
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 import shlex
 import shutil
 import subprocess
@@ -16,9 +15,13 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
-GUARD = Path(__file__).parents[1] / "execution" / "guard.py"
+from heatwalk.io import parse_integers
+
+SUPERVISOR = Path(__file__).parents[1] / "execution" / "supervise_program.py"
+PACKAGES = Path(psutil.__file__).parents[1]  # what the supervisor imports
 TAIL = 300  # characters at the end of a program's output that an error message quotes
 
 
@@ -109,7 +112,7 @@ class External:
         ValueError
             If the program fails, writes no labels, or writes a line that is not an integer.
         """
-        # The guard may have removed the folder already.
+        # The supervisor may have removed the folder already.
         with tempfile.TemporaryDirectory(prefix="segmenter-", ignore_cleanup_errors=True) as folder:
             mesh, labels, printed = (Path(folder, name) for name in (f"mesh{self.suffix}", "labels.txt", "printed.txt"))
             WRITERS[self.suffix](mesh, vertices, faces)
@@ -118,7 +121,7 @@ class External:
             with (
                 printed.open("wb") as sink,
                 subprocess.Popen(
-                    [sys.executable, "-I", "-S", str(GUARD), folder, *words],
+                    [sys.executable, "-I", "-S", str(SUPERVISOR), str(PACKAGES), folder, *words],
                     stdin=subprocess.PIPE,
                     stdout=sink,
                     stderr=subprocess.STDOUT,
@@ -130,18 +133,9 @@ class External:
             if not labels.is_file():
                 raise ValueError(f"{self.name} wrote no file {{labels}}{_output_of(printed)}")
             try:
-                return _parse_labels(labels.read_text("utf-8", errors="replace"))
+                return parse_integers(labels.read_text("utf-8", errors="replace"), "a label (an integer)", signed=True)
             except ValueError as error:
                 raise ValueError(f"{self.name}: {error}{_output_of(printed)}") from error
-
-
-def _parse_labels(text: str) -> NDArray[np.int64]:
-    """The integers in a text that has one per line."""
-    lines = text.rstrip().splitlines()
-    for number, line in enumerate(lines, start=1):
-        if not re.fullmatch(r"\s*[+-]?[0-9]{1,18}\s*", line, re.ASCII):
-            raise ValueError(f"line {number} is not a label (an integer): {line[:40]!r}")
-    return np.array(lines, dtype=np.int64)
 
 
 def _output_of(printed: Path) -> str:

@@ -10,7 +10,7 @@ import trimesh
 from scipy.io import savemat
 
 from heatwalk import MeshError
-from heatwalk.io.files import read_mesh
+from heatwalk.io import read_mesh
 from studies.datasets import DatasetError
 from studies.datasets.tosca import TOSCA
 

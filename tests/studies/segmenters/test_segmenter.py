@@ -8,7 +8,7 @@ from omegaconf import OmegaConf
 
 import heatwalk
 from studies import segmenters
-from studies.execution.engine import Local
+from studies.execution import Local, map_ordered
 from studies.segmenters import HeatWalk, SegmenterError, make_segmenter
 from studies.segmenters.segmenter import _method
 from tests.helpers.meshes import bundled
@@ -106,7 +106,7 @@ def test_a_class_is_instantiated_once_per_process_and_need_not_be_picklable(mine
 
 def test_a_worker_finds_the_method_too(mine, composed, ant):
     segmenter = made(composed, "segmenter._target_=my_methods.halves")
-    ((_, labels),) = Local(workers=1).run(segmented, [(segmenter, ant)])
+    (labels,) = map_ordered(Local(workers=1), segmented, [(segmenter, ant)])
     assert (labels == segmenter(*ant)).all()
 
 
