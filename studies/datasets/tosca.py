@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.io import LoadedMesh, parse_integers, read_mesh
-from heatwalk.meshes import MeshError, check_arrays
+from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, require_available, selected_names
 from studies.datasets.folders import find, folder, read
 
