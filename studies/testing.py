@@ -249,7 +249,7 @@ def _check_invariances(metric: Metric, name: str, what: str, comparison: Compari
     reference, labels, points = comparison.reference, comparison.labels, comparison.points
     changes = {
         "a second call": comparison,
-        "renumbering the labels": Comparison(_renumbered(reference), _renumbered(labels), comparison.mesh, points),
+        "renumbering the labels": Comparison(reference, _renumbered(labels), comparison.mesh, points),
         "reordering the points": Comparison(
             reference[order], labels[order], comparison.mesh, None if points is None else points[order]
         ),
