@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 import shlex
 import shutil
 import subprocess
@@ -18,6 +17,8 @@ from typing import TextIO
 import numpy as np
 import psutil
 from numpy.typing import NDArray
+
+from heatwalk.io import parse_integers
 
 SUPERVISOR = Path(__file__).parents[1] / "execution" / "supervise_program.py"
 PACKAGES = Path(psutil.__file__).parents[1]  # what the supervisor imports
@@ -132,18 +133,9 @@ class External:
             if not labels.is_file():
                 raise ValueError(f"{self.name} wrote no file {{labels}}{_output_of(printed)}")
             try:
-                return _parse_labels(labels.read_text("utf-8", errors="replace"))
+                return parse_integers(labels.read_text("utf-8", errors="replace"), "a label (an integer)", signed=True)
             except ValueError as error:
                 raise ValueError(f"{self.name}: {error}{_output_of(printed)}") from error
-
-
-def _parse_labels(text: str) -> NDArray[np.int64]:
-    """The integers in a text that has one per line."""
-    lines = text.rstrip().splitlines()
-    for number, line in enumerate(lines, start=1):
-        if not re.fullmatch(r"\s*[+-]?[0-9]{1,18}\s*", line, re.ASCII):
-            raise ValueError(f"line {number} is not a label (an integer): {line[:40]!r}")
-    return np.array(lines, dtype=np.int64)
 
 
 def _output_of(printed: Path) -> str:
