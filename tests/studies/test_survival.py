@@ -124,8 +124,8 @@ def test_rows_that_were_cut_short_are_said_and_their_trials_run_again(study, cap
 
 def test_of_two_runs_at_once_the_second_says_who_the_first_is_and_stops(here):
     def hold():
-        RowStore(here / "results" / FOLDER)
-        time.sleep(600)
+        with RowStore(here / "results" / FOLDER):
+            time.sleep(600)
 
     process = fork.Process(target=hold)
     process.start()

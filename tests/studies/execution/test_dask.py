@@ -1,7 +1,6 @@
 """A real scheduler and two workers, processes of their own, over TCP on loopback."""
 
 import json
-import multiprocessing
 import os
 import signal
 import subprocess
