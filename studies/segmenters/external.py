@@ -5,17 +5,15 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import psutil
 
-SUPERVISOR = Path(__file__).parents[1] / "execution" / "supervise_program.py"
-PACKAGES = Path(psutil.__file__).parents[1]  # what the supervisor imports
+from studies.execution.process_tree import supervised
+
 TAIL = 300  # characters of what a program printed last that an error quotes
 
 
@@ -82,7 +80,7 @@ class External:
             with (
                 printed.open("wb") as sink,
                 subprocess.Popen(
-                    [sys.executable, "-I", "-S", str(SUPERVISOR), str(PACKAGES), folder, *words],
+                    supervised(words, folder),
                     stdin=subprocess.PIPE,
                     stdout=sink,
                     stderr=subprocess.STDOUT,
