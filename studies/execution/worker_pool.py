@@ -116,8 +116,9 @@ class WorkerPool:
                     worker.start_task(task)
                     self._has_worked = True
                     break
-                except _WorkerDiedError:
-                    worker, ended = None, self._remove(worker)
+                except _WorkerDiedError as death:
+                    ended = self._remove(worker) if worker else str(death)
+                    worker = None
             else:
                 return self._not_started(ended)
             try:
@@ -151,14 +152,12 @@ class WorkerPool:
             try:
                 worker = _Worker(self._function)
             except (OSError, EOFError) as error:
-                raise _WorkerDiedError(str(error) or "no process could be started") from error
+                raise _WorkerDiedError(f"no process could be started ({type(error).__name__}: {error})") from error
             self._workers.add(worker)
             return worker
 
-    def _remove(self, worker: "_Worker | None") -> str:
+    def _remove(self, worker: "_Worker") -> str:
         """Forget a worker that has died: how it ended."""
-        if worker is None:
-            return "no process could be started"
         self._workers.discard(worker)
         return f"its process died with exit code {worker.end()}"
 
