@@ -6,7 +6,6 @@ import hashlib
 import shlex
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,13 +14,11 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-import psutil
 from numpy.typing import NDArray
 
 from heatwalk.io import parse_integers
+from studies.execution.process_tree import supervised
 
-SUPERVISOR = Path(__file__).parents[1] / "execution" / "supervise_program.py"
-PACKAGES = Path(psutil.__file__).parents[1]  # what the supervisor imports
 TAIL = 300  # characters at the end of a program's output that an error message quotes
 
 
@@ -121,7 +118,7 @@ class External:
             with (
                 printed.open("wb") as sink,
                 subprocess.Popen(
-                    [sys.executable, "-I", "-S", str(SUPERVISOR), str(PACKAGES), folder, *words],
+                    supervised(words, folder),
                     stdin=subprocess.PIPE,
                     stdout=sink,
                     stderr=subprocess.STDOUT,
