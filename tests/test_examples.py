@@ -30,7 +30,9 @@ def run_example(tmp_path):
 
 def test_segmenting_a_mesh_prints_every_region_and_saves_the_mesh(run_example, tmp_path):
     printed = run_example("segment_a_mesh.py")
-    sizes = [int(line.split(":")[1].split()[0].replace(",", "")) for line in printed.splitlines() if "region" in line[:12]]
+    sizes = [
+        int(line.split(":")[1].split()[0].replace(",", "")) for line in printed.splitlines() if "region" in line[:12]
+    ]
     saved = read_mesh(tmp_path / "segments.ply")
     assert len(saved.vertices) == 2904
     assert f"{len(sizes)} accumulator regions" in printed
@@ -51,7 +53,7 @@ def test_segmenters_are_compared_under_the_same_draws(run_example, tmp_path):
     printed = run_example("compare_segmenters.py", "out")
     rows = pd.read_parquet(tmp_path / "out" / "shot_noise" / "bundled" / "trials.parquet")
     assert rows["status"].tolist() == ["ok"] * 8
-    by_segmenter = {name: group for name, group in rows.groupby("segmenter")}
+    by_segmenter = dict(rows.groupby("segmenter"))
     assert set(by_segmenter) == {"HeatWalk", "slabs"}
     ours, theirs = (set(zip(g["level"], g["repeat"], g["seed"], strict=True)) for g in by_segmenter.values())
     assert ours == theirs
