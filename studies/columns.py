@@ -135,6 +135,8 @@ class Table:
         sentences that explain the table, beside the help of its columns
     value : str
         name of the column that published values are compared with, "" where there are none
+    published_before : str
+        name of the column that published values come before in ``frame``, "" for the end
     published : Published, optional
         set by `studies.reporting` where published values stand beside the computed ones
     """
@@ -144,6 +146,7 @@ class Table:
     columns: Sequence[Column] = field(default=())
     notes: str = ""
     value: str = ""
+    published_before: str = ""
     published: Published | None = None
 
     def visible(self, *, compact: bool = False) -> list[Column]:
