@@ -144,3 +144,15 @@ def test_a_dataset_takes_one_file_in_a_folder_of_the_user(repository, tmp_path, 
     rows = rows_of(own / "mine" / "shot_noise" / "my_shapes")
     assert set(rows["model"]) == {"capsule-3", "capsule-5", "capsule-8"}
     assert set(rows["category"]) == {"capsule"}
+
+
+def test_a_kind_of_experiment_takes_one_folder(repository, tmp_path, follow):
+    own = tmp_path / "own"
+    own.mkdir()
+    (printed,) = follow("### A kind of experiment", own)
+    folder = own / "mine" / "renumbering" / "bundled"
+    rows = rows_of(folder)
+    assert rows.groupby("model")["seed"].nunique().to_dict() == {"ant": 2, "bunny": 2, "cow": 2}
+    assert (rows["n_segments"] == rows["n_segments_reference"]).all()
+    assert pd.read_csv(folder / "table.csv")["largest"].tolist() == pytest.approx([0, 0, 0], abs=0.1)
+    assert "largest CP %" in printed
