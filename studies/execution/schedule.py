@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from itertools import groupby
 
-from studies.datasets.carried import carried
+from studies.datasets.in_memory import embed_models
 from studies.execution.engine import Lost
 from studies.planning import trial as trials
 from studies.planning.trial import Trial
@@ -88,7 +88,7 @@ class Schedule:
                 return task
             self._ready.popleft()
         group = next(self._groups)
-        task = Preparation(carried(group[0]) if self._remote else group[0])
+        task = Preparation(embed_models(group[0]) if self._remote else group[0])
         self._waiting[task] = group
         return task
 

@@ -12,6 +12,7 @@ from hydra import compose
 from hydra.errors import HydraException, InstantiationException
 from omegaconf import DictConfig, OmegaConf
 
+from studies.datasets import make_dataset
 from studies.planning.errors import StudyError
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
     engine = _instantiate(cfg, "engine")
     if not cfg.dry_run:
         engine.warm_up()  # worker processes import what they need while this process plans
-    dataset = _instantiate(cfg, "dataset")
+    dataset = make_dataset(OmegaConf.to_container(cfg.dataset, resolve=True))  # type: ignore[arg-type]
     results_dir = Path(str(cfg.results_dir)).expanduser()
     return Study(
         name=str(cfg.study.name),

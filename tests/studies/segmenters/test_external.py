@@ -109,7 +109,7 @@ def test_no_shell_reads_the_command(ant, tmp_path):
 def test_another_program_in_the_same_file_is_another_segmenter(program):
     before, same = external(program("1")), external(program("1"))
     after = external(program("2"))
-    assert before.identity == same.identity != after.identity
+    assert before.fingerprint == same.fingerprint != after.fingerprint
     assert before.name == f"{os.path.basename(sys.executable)} my tool.py"
 
 

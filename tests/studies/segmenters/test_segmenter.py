@@ -68,7 +68,7 @@ def test_the_heat_walk_labels_as_it_always_does(composed, ant):
     assert (segmenter(*ant) == HeatWalk(0.5)(*ant)).all()
     assert segmenter.name == "HeatWalk"
     options = {"_target_": "studies.segmenters.HeatWalk", "time": 0.5, "time_unit": "paper", "density": "vertices"}
-    assert segmenter.identity == [options | {"split_dissipators": False}, heatwalk.ALGORITHM_VERSION]
+    assert segmenter.fingerprint == [options | {"split_dissipators": False}, heatwalk.ALGORITHM_VERSION]
 
 
 def test_a_function_is_named_and_called_with_the_options_beside_it(mine, composed, ant):
@@ -124,9 +124,9 @@ def test_an_option_that_the_heat_walk_has_too_must_be_said_to_be_the_methods(min
 def test_other_code_in_the_module_is_another_method(mine, composed):
     words = ["segmenter._target_=my_methods.halves"]
     before = made(composed, *words)
-    assert made(composed, *words).identity == before.identity
+    assert made(composed, *words).fingerprint == before.fingerprint
     (mine / "my_methods.py").write_text(MINE.replace("np.median", "np.mean"))
-    assert made(composed, *words).identity != before.identity
+    assert made(composed, *words).fingerprint != before.fingerprint
 
 
 def test_other_code_anywhere_in_the_package_is_another_method(mine, composed):
@@ -136,10 +136,10 @@ def test_other_code_anywhere_in_the_package_is_another_method(mine, composed):
     (package / "methods.py").write_text("from my_package.parts import method\n")
     (package / "parts.py").write_text("def method(vertices, faces):\n    return [0] * len(vertices)\n")
     words = ["segmenter._target_=my_package.method"]
-    before = made(composed, *words).identity
+    before = made(composed, *words).fingerprint
     with (package / "methods.py").open("a") as file:
         file.write("# changed\n")
-    assert made(composed, *words).identity != before
+    assert made(composed, *words).fingerprint != before
 
 
 def test_what_a_method_raises_is_raised(mine, composed, ant):
