@@ -1,4 +1,4 @@
-"""Segment one mesh, print its segments, and save it colored by segment.
+"""Segment one mesh, print its segments, and save it coloured by segment.
 
 python examples/segment_a_mesh.py [MESH [OUT.ply]]
 """
