@@ -59,6 +59,10 @@ class HeatWalk:
             steps.append(following)
         return steps
 
+    def settled_shares(self):
+        """The share of vertices that have reached their exemplar after 0, 1, 2 … steps: (steps + 1,) float array."""
+        return np.array([np.mean(vertices == self.steps[-1]) for vertices in self.steps])
+
     def path(self, vertex):
         """The path π of ``vertex``: a list of vertices from it to its exemplar."""
         path = [int(vertex)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from heatwalk.io.files import LoadedMesh, read_mesh
+
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order
 
 SUFFIXES = (".off", ".obj", ".ply", ".stl")

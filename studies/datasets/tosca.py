@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from heatwalk.io.files import LoadedMesh, read_mesh
 from numpy.typing import NDArray
 
-from heatwalk.io.files import LoadedMesh, read_mesh
 from heatwalk.meshes import MeshError, check_arrays, referenced, shortened
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, require_available, selected_names
 from studies.datasets.folders import find, folder, read

@@ -1,7 +1,7 @@
-"""What every worker process needs, imported once: `studies.execution.engine` forks the workers from a process that did.
+"""What every worker process needs, imported once in the process from which workers are forked.
 
-That process must hold no thread, or its forks would inherit what the thread has locked: hence one BLAS thread a
-process, and no pandas, whose Arrow starts threads when it is imported.
+That process must not have threads, because its forks would inherit what a thread has locked. It therefore limits BLAS
+to one thread, and imports no pandas, whose Arrow starts threads when it is imported.
 """
 
 import contextlib
@@ -9,7 +9,7 @@ import os
 import signal
 from importlib import import_module
 
-_NEEDED = (
+NEEDED = (
     "hydra.utils",
     "studies.execution.schedule",
     "studies.experiments.change",
@@ -20,6 +20,6 @@ _NEEDED = (
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is left to the head process
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ[_variable] = "1"
-for _module in _NEEDED:
-    with contextlib.suppress(Exception):  # this saves time and nothing else: a task that needs it says what is wrong
+for _module in NEEDED:
+    with contextlib.suppress(Exception):  # this only saves time: a task that needs the module reports the error
         import_module(_module)

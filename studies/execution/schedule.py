@@ -1,106 +1,167 @@
-"""In which order the trials of a study are run: what several share is prepared first, once, and handed to each."""
+"""In which order trials run: what the trials of a group share is prepared once, and handed to each of them."""
 
 import pickle
 import time
 from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Any
 
 from studies.datasets.in_memory import embed_models
-from studies.execution.engine import Lost
-from studies.planning import trial as trials
-from studies.planning.trial import Trial
+from studies.execution.engine import Engine, TaskFailure
+from studies.planning.trial import Trial, failed_row, reason, run_trial
 
-
-@dataclass(frozen=True, eq=False)
-class Preparation:
-    """The task of preparing what the trial's group shares."""
-
-    trial: Trial
-
-    def __call__(self):
-        start = time.perf_counter()
-        try:
-            # Pickled here, once, and not by the head process for every trial.
-            pickled = pickle.dumps(self.trial.prepare(), pickle.HIGHEST_PROTOCOL)
-            return Prepared(pickled, time.perf_counter() - start)
-        except Exception as error:
-            return Lost("failed", trials.reason(error))
-
-    def __str__(self):
-        return f"{self.trial.model.name}"
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """What a group shares, pickled, and the seconds that it took: of one trial, its share of them."""
+    """What the trials of a group share.
+
+    Parameters
+    ----------
+    pickled : bytes
+        the result of `Trial.prepare`, pickled once
+    seconds : float
+        share of each trial in the time that preparing it took
+    """
 
     pickled: bytes
     seconds: float
 
 
 @dataclass(frozen=True, eq=False)
+class Preparation:
+    """The task of preparing what the group of ``trial`` shares."""
+
+    trial: Trial
+
+    def __call__(self) -> Prepared | TaskFailure:
+        start = time.perf_counter()
+        try:
+            # Pickled here, once, and not by the head process for every trial.
+            pickled = pickle.dumps(self.trial.prepare(), pickle.HIGHEST_PROTOCOL)
+        except Exception as error:
+            return TaskFailure("failed", reason(error))
+        return Prepared(pickled, time.perf_counter() - start)
+
+    def __str__(self) -> str:
+        return self.trial.model.name
+
+
+@dataclass(frozen=True, eq=False)
 class Measurement:
-    """The task of measuring one trial. Its row has ``seconds`` too, to estimate by what others will take."""
+    """The task of running one trial. Its row has ``seconds`` too, from which the time of other trials is estimated."""
 
     trial: Trial
     prepared: Prepared
 
-    def __call__(self):
+    def __call__(self) -> Row:
         start = time.perf_counter()
-        row = trials.run(self.trial, pickle.loads(self.prepared.pickled))
+        row = run_trial(self.trial, pickle.loads(self.prepared.pickled))
         return row | {"seconds": self.prepared.seconds + time.perf_counter() - start}
 
-    def __str__(self):
+    def __str__(self) -> str:
         trial = self.trial
         return f"{trial.model.name} {trial.part} {trial.level:g} #{trial.repeat}"
 
 
-def execute(task):
-    """Run a task, wherever an engine puts it."""
+Task = Preparation | Measurement
+
+
+def run_task(task: Task) -> Any:
+    """Execute a task of a `Schedule`, in whatever process an engine chooses."""
     return task()
 
 
 class Schedule:
-    """An iterator of the tasks that can run now, and the rows that their outcomes give.
+    """The tasks of a study, each as soon as it can run, and the rows that their outcomes make.
 
-    It ends while all that is left waits for a preparation, and goes on once ``rows`` has been told of its outcome: an
-    engine asks again after each. Only the preparations that trials still wait for are held.
+    Trials are consumed group by group. Only the preparations that trials still wait for are held.
 
     Parameters
     ----------
-    planned : iterable of Trial, those that share a preparation one after the other
-    remote : bool, whether preparations carry the content of their models, because workers may not see the files
+    trials : iterable of Trial
+        those with the same ``group_key`` one after the other
+    remote : bool
+        whether tasks must contain the content of their models, because workers may not see the files
     """
 
-    def __init__(self, planned, remote=False):
-        self._groups = (list(group) for _, group in groupby(planned, key=lambda trial: trial.shares))
+    def __init__(self, trials: Iterable[Trial], remote: bool = False) -> None:
+        self._groups = (list(group) for _, group in groupby(trials, key=lambda trial: trial.group_key))
         self._remote = remote
-        self._waiting = {}
-        self._ready = deque()  # of iterators: a model may have a hundred thousand trials
+        self._waiting: dict[Task, list[Trial]] = {}
+        self._ready: deque[Iterator[Measurement]] = deque()  # per group; lazy, a group may have 100,000 trials
 
-    def __iter__(self):
-        return self
+    def next_task(self) -> Task | None:
+        """A task that can run now.
 
-    def __next__(self):
+        Returns
+        -------
+        Preparation or Measurement or None
+            None if all tasks that are left wait for the outcome of others, and if none is left
+        """
         while self._ready:
-            for task in self._ready[0]:
-                return task
+            measurement = next(self._ready[0], None)
+            if measurement is not None:
+                return measurement
             self._ready.popleft()
-        group = next(self._groups)
-        task = Preparation(embed_models(group[0]) if self._remote else group[0])
-        self._waiting[task] = group
-        return task
+        group = next(self._groups, None)
+        if group is None:
+            return None
+        preparation = Preparation(embed_models(group[0]) if self._remote else group[0])
+        self._waiting[preparation] = group
+        return preparation
 
-    def rows(self, task, outcome):
-        """The rows that ``outcome`` of ``task`` gives: none, one, or those of all trials that waited for it."""
+    def complete(self, task: Task, outcome: Any) -> list[Row]:
+        """Take the outcome of a task.
+
+        Parameters
+        ----------
+        task : Preparation or Measurement
+            from `next_task`
+        outcome : Any
+            what `run_task` returned, or a `TaskFailure`
+
+        Returns
+        -------
+        list of dict
+            the rows that it makes: none, one, or those of all trials that waited for it
+        """
         if isinstance(task, Measurement):
-            if isinstance(outcome, Lost):
-                return [trials.failed_row(task.trial, outcome.status, outcome.reason)]
+            if isinstance(outcome, TaskFailure):
+                return [failed_row(task.trial, outcome.status, outcome.reason)]
             return [outcome]
         group = self._waiting.pop(task)
-        if isinstance(outcome, Lost):
-            return [trials.failed_row(trial, outcome.status, outcome.reason) for trial in group]
-        shared = Prepared(outcome.pickled, outcome.seconds / len(group))
-        self._ready.append(Measurement(trial, shared) for trial in group)
+        if isinstance(outcome, TaskFailure):
+            return [failed_row(trial, outcome.status, outcome.reason) for trial in group]
+        prepared = Prepared(outcome.pickled, outcome.seconds / len(group))
+        self._ready.append(Measurement(trial, prepared) for trial in group)
         return []
+
+
+def run_trials(engine: Engine, trials: Iterable[Trial]) -> Iterator[Row]:
+    """Run trials on an engine.
+
+    Parameters
+    ----------
+    engine : Engine
+    trials : iterable of Trial
+        those with the same ``group_key`` one after the other; consumed as needed
+
+    Yields
+    ------
+    dict
+        a row per trial, as soon as it is made. Values may be numpy arrays; see `Trial.measure`. Closing the iterator
+        stops the engine.
+    """
+    schedule = Schedule(trials, engine.remote)
+    with engine.open(run_task) as session:
+        while True:
+            while session.has_room() and (task := schedule.next_task()) is not None:
+                session.submit(task)
+            if not session.pending:
+                return
+            for task, outcome in session.wait():
+                yield from schedule.complete(task, outcome)

@@ -45,12 +45,10 @@ class AnatomyTrial(Trial):
 
     def measure(self, prepared: LoadedMesh) -> dict[str, Any]:
         """Segment, and count how many points have settled after each step."""
-        from heatwalk.accumulators import settled_shares
-
         start = time.perf_counter()
         segmentation = self.segmenter.method.segmentation(prepared.vertices, prepared.faces)
         seconds = time.perf_counter() - start
-        settled = settled_shares(segmentation.walk)
+        settled = segmentation.walk.settled_shares()
         return {
             "n_vertices": len(prepared.vertices),
             "n_faces": len(prepared.faces),

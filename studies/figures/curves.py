@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from studies.figures.surfaces import FIELD_COLOURS
-from studies.storage.store import replacing
+from studies.storage import atomic_write
 
 matplotlib.use("Agg")
 # Embedding letters in a PDF says at length what it leaves out of a font.
@@ -54,10 +54,10 @@ def save(figure, path, shows=None):
     shows : str, optional, written into the PNG as what its pictures show
     """
     # No dates and no versions of the software: the same figure has the same bytes.
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         figure.savefig(part, dpi=DPI, metadata={"Software": None} | ({} if shows is None else {"Shows": shows}))
     if shows is None:
-        with replacing(path.with_suffix(".pdf")) as part:
+        with atomic_write(path.with_suffix(".pdf")) as part:
             figure.savefig(part, metadata={"CreationDate": None, "Creator": None, "Producer": None})
 
 

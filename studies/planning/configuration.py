@@ -14,6 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from studies.datasets import make_dataset
 from studies.planning.errors import StudyError
+from studies.planning.targets import check_required, construct
 
 if TYPE_CHECKING:
     from studies.datasets import Dataset
@@ -103,7 +104,7 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
         raise StudyError("study.name is required: study.name=NAME, under which the results are filed")
     if cfg.on_error not in ON_ERROR:
         raise StudyError(f"on_error is {cfg.on_error!r}: it must be one of {', '.join(ON_ERROR)}")
-    engine = _instantiate(cfg, "engine")
+    engine = _engine(_options(cfg, "engine"))
     if not cfg.dry_run:
         engine.warm_up()  # worker processes import what they need while this process plans
     dataset = make_dataset(OmegaConf.to_container(cfg.dataset, resolve=True))  # type: ignore[arg-type]
@@ -111,7 +112,7 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
     return Study(
         name=str(cfg.study.name),
         title=str(cfg.title),
-        experiment=_instantiate(cfg, "experiment"),
+        experiment=_experiment(_options(cfg, "experiment")),
         dataset=dataset,
         segmenters=_segmenters(cfg, overrides),
         engine=engine,
@@ -135,7 +136,7 @@ def study_names() -> list[str]:
 
 def instantiate_experiment(record: Mapping[str, Any]) -> Experiment:
     """The experiment of a stored configuration."""
-    return _instantiate(OmegaConf.create(dict(record)), "experiment")
+    return _experiment(_options(OmegaConf.create(dict(record)), "experiment"))
 
 
 def command_of(overrides: Sequence[str]) -> str:
@@ -146,29 +147,31 @@ def command_of(overrides: Sequence[str]) -> str:
     return f"python -m studies.run {shlex.join(kept)}"
 
 
-def _instantiate(cfg: DictConfig, name: str) -> Any:
-    """The object that the node ``name`` of a configuration describes; what refuses its options speaks for itself."""
-    options = OmegaConf.to_container(cfg[name], resolve=True)
-    if not isinstance(options, dict) or options.get("_target_") in (None, "???"):
-        raise StudyError(f"{name}._target_ is required: {name}._target_=my_package.MyClass")
+def _options(cfg: DictConfig, group: str) -> dict[str, Any]:
+    """The options of a group as plain Python objects; those without a default may still be missing."""
+    return OmegaConf.to_container(cfg[group], resolve=True)  # type: ignore[return-value]
+
+
+def _experiment(options: Mapping[str, Any]) -> Experiment:
+    check_required("experiment", options, {"_target_": "my_package.MyExperiment"}, StudyError)
+    return construct("experiment", options, StudyError)
+
+
+def _engine(options: Mapping[str, Any]) -> Engine:
+    """The engine. By Hydra, because a cluster in its options is started later, by the engine itself."""
     try:
         return hydra.utils.instantiate({"_convert_": "all", **options})
     except InstantiationException as error:
-        cause: BaseException = error
-        while cause.__cause__ is not None:
-            cause = cause.__cause__
-        if isinstance(cause, ValueError | OSError):
-            raise cause from error
-        raise StudyError(f"{name}: {' '.join(str(cause).split())}") from error
+        raise StudyError(" ".join(str(error.__cause__ or error).split())) from error
 
 
 def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, ...]:
     """The segmenters: those in ``segmenters``, else the one in ``segmenter``."""
     from studies.segmenters import make_segmenter
 
-    single = OmegaConf.to_container(cfg.segmenter, resolve=True)
+    single = _options(cfg, "segmenter")
     if cfg.get("segmenters") is None:
-        return (make_segmenter(single),)  # type: ignore[arg-type]
+        return (make_segmenter(single),)
     names = cfg.segmenters
     if isinstance(names, str) or not names:
         raise StudyError(
@@ -179,7 +182,7 @@ def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, .
         chosen not in names
     ):
         raise StudyError(f"segmenter={chosen} has options, and segmenters={list(names)} does not contain {chosen}")
-    found = tuple(make_segmenter(single if name == chosen else _options_of(name)) for name in names)  # type: ignore[arg-type]
+    found = tuple(make_segmenter(single if name == chosen else _options_of(name)) for name in names)
     duplicates = {one.name for i, one in enumerate(found) for other in found[:i] if one.name == other.name}
     if duplicates:
         raise StudyError(f"segmenters contains {', '.join(sorted(duplicates))} twice: their names must differ")
@@ -200,7 +203,7 @@ def _options_of(name: Any) -> dict[str, Any]:
         raise StudyError(
             f"segmenters contains {name!r}, which is neither one of {known} nor a dotted name such as my_package.method"
         ) from error
-    return OmegaConf.to_container(cfg.segmenter, resolve=True)  # type: ignore[return-value]
+    return _options(cfg, "segmenter")
 
 
 def _record(cfg: DictConfig) -> dict[str, Any]:

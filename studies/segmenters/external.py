@@ -16,9 +16,11 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
-GUARD = Path(__file__).parents[1] / "execution" / "guard.py"
+SUPERVISOR = Path(__file__).parents[1] / "execution" / "supervise_program.py"
+PACKAGES = Path(psutil.__file__).parents[1]  # what the supervisor imports
 TAIL = 300  # characters at the end of a program's output that an error message quotes
 
 
@@ -109,7 +111,7 @@ class External:
         ValueError
             If the program fails, writes no labels, or writes a line that is not an integer.
         """
-        # The guard may have removed the folder already.
+        # The supervisor may have removed the folder already.
         with tempfile.TemporaryDirectory(prefix="segmenter-", ignore_cleanup_errors=True) as folder:
             mesh, labels, printed = (Path(folder, name) for name in (f"mesh{self.suffix}", "labels.txt", "printed.txt"))
             WRITERS[self.suffix](mesh, vertices, faces)
@@ -118,7 +120,7 @@ class External:
             with (
                 printed.open("wb") as sink,
                 subprocess.Popen(
-                    [sys.executable, "-I", "-S", str(GUARD), folder, *words],
+                    [sys.executable, "-I", "-S", str(SUPERVISOR), str(PACKAGES), folder, *words],
                     stdin=subprocess.PIPE,
                     stdout=sink,
                     stderr=subprocess.STDOUT,

@@ -1,0 +1,50 @@
+"""What a study leaves on disk: rows, labels, locks, and where they came from.
+
+Each name is imported when it is first used: `studies.status` reads folders without loading what writes them.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from studies.storage.atomic import atomic_write as atomic_write
+    from studies.storage.folders import LOCK_FILE as LOCK_FILE
+    from studies.storage.folders import PLAN_FILE as PLAN_FILE
+    from studies.storage.folders import ROWS_FILE as ROWS_FILE
+    from studies.storage.folders import TABLE_FILE as TABLE_FILE
+    from studies.storage.folders import planned_ids as planned_ids
+    from studies.storage.folders import result_folders as result_folders
+    from studies.storage.labels import LabelStore as LabelStore
+    from studies.storage.locking import StoreLockedError as StoreLockedError
+    from studies.storage.locking import lock_holder as lock_holder
+    from studies.storage.reuse import find_reusable as find_reusable
+    from studies.storage.reuse import read_reusable as read_reusable
+    from studies.storage.rows import RowStore as RowStore
+    from studies.storage.rows import StoredRows as StoredRows
+    from studies.storage.rows import read_rows as read_rows
+
+_MODULE_OF = {
+    "LOCK_FILE": "folders",
+    "LabelStore": "labels",
+    "PLAN_FILE": "folders",
+    "ROWS_FILE": "folders",
+    "RowStore": "rows",
+    "StoreLockedError": "locking",
+    "StoredRows": "rows",
+    "TABLE_FILE": "folders",
+    "atomic_write": "atomic",
+    "find_reusable": "reuse",
+    "lock_holder": "locking",
+    "planned_ids": "folders",
+    "read_reusable": "reuse",
+    "read_rows": "rows",
+    "result_folders": "folders",
+}
+
+__all__ = list(_MODULE_OF)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)

@@ -7,7 +7,7 @@ import pytest
 
 from studies import status
 from studies.execution.study import run_study
-from studies.storage.store import Rows, Store, holder
+from studies.storage import RowStore, StoredRows, lock_holder
 from tests.studies.conftest import STUDY
 from tests.studies.test_survival import FOLDER, rows, table
 
@@ -114,10 +114,10 @@ def test_status_tells_what_is_stored_and_what_runs(study, here, capsys):
     assert status.main([]) == 0
     line = next(line for line in capsys.readouterr().out.splitlines() if "normal_noise/files" in line)
     assert [cell.strip() for cell in line.split("│")[2:7]] == ["4", "2", "2", "0", "0"]
-    with Store(here / "results" / FOLDER) as store:
-        store.plan([*Rows(store.path.parent).status, "one more"])
+    with RowStore(here / "results" / FOLDER) as store:
+        store.write_plan([*StoredRows(store.path.parent).status, "one more"])
         found = status.status(here / "results" / FOLDER)
-        assert found["state"] == f"runs: {holder(store.path.parent)}"
+        assert found["state"] == f"runs: {lock_holder(store.path.parent)}"
         assert found["planned"] == "5"
     assert status.status(here / "results" / FOLDER)["state"] == "1 to go"
 

@@ -13,8 +13,7 @@ import pandas as pd
 import pytest
 
 from studies.planning.trial import TIMINGS
-from studies.storage import store
-from studies.storage.store import Held, Store
+from studies.storage import RowStore, StoredRows, StoreLockedError
 from tests.studies.conftest import STUDY, fork, typed
 from tests.studies.test_run import run
 
@@ -44,7 +43,7 @@ def test_a_study_killed_at_twenty_moments_gives_the_rows_and_the_table_of_one_th
         time.sleep(random.uniform(0, whole / 6))
         process.kill()
         process.join()
-        stored.append(len(store.Rows(f"results/{FOLDER}").status))
+        stored.append(len(StoredRows(f"results/{FOLDER}").status))
     assert stored == sorted(stored)  # nothing that was stored is lost
     assert study(*words)
     assert table() == table("whole")
@@ -125,7 +124,7 @@ def test_rows_that_were_cut_short_are_said_and_their_trials_run_again(study, cap
 
 def test_of_two_runs_at_once_the_second_says_who_the_first_is_and_stops(here):
     def hold():
-        Store(here / "results" / FOLDER)
+        RowStore(here / "results" / FOLDER)
         time.sleep(600)
 
     process = fork.Process(target=hold)
@@ -141,14 +140,14 @@ def test_of_two_runs_at_once_the_second_says_who_the_first_is_and_stops(here):
     )
     process.kill()
     process.join()
-    with Store(here / "results" / FOLDER):  # its lock ended with it
+    with RowStore(here / "results" / FOLDER):  # its lock ended with it
         pass
     assert not lock.exists()
 
 
 def test_a_store_is_held_once_in_one_process_too(tmp_path):
-    with Store(tmp_path), pytest.raises(Held, match=f"process {os.getpid()} on"):
-        Store(tmp_path)
+    with RowStore(tmp_path), pytest.raises(StoreLockedError, match=f"process {os.getpid()} on"):
+        RowStore(tmp_path)
 
 
 @pytest.mark.parametrize("room", range(2000, 20000, 3000))
@@ -164,7 +163,7 @@ def test_where_a_file_can_grow_no_further_no_row_is_damaged(study, here, room):
     process.start()
     process.join()
     assert process.exitcode == 3
-    there = store.Rows(here / "results" / FOLDER)
+    there = StoredRows(here / "results" / FOLDER)
     assert there.damaged == 0
     assert (there.path.stat().st_size <= room) & (len(there.status) == there.path.read_bytes().count(b"\n"))
 

@@ -7,11 +7,12 @@ import time
 import numpy as np
 import psutil
 import pytest
-
 from heatwalk.io.files import read_mesh
-from studies.execution.engine import Local, Lost
-from studies.segmenters import External, make
+
+from studies.execution import Local, TaskFailure
+from studies.segmenters import External, make_segmenter
 from tests.helpers.meshes import bundled
+from tests.studies.execution.engines import outcomes_of
 
 # Labels by the side of the mesh that a vertex, or a face, lies on.
 SIDES = """
@@ -44,7 +45,7 @@ def program(tmp_path):
 
 
 def external(command, **options):
-    return make({"_target_": "studies.segmenters.External", "command": command, **options})
+    return make_segmenter({"_target_": "studies.segmenters.External", "command": command, **options})
 
 
 def test_a_program_may_label_vertices(program, ant):
@@ -158,8 +159,8 @@ class Segment:
 
 def test_a_program_ends_with_a_worker_whose_time_ran_out(program, ant, tmp_path):
     slow, note = external(program(LINGERS, f"'{tmp_path}/note'")), tmp_path / "note"
-    outcome = dict(Local(workers=1, timeout=3).run(Segment(ant), [slow]))
-    assert outcome == {slow: Lost("timeout", "took longer than trial.timeout=3 seconds")}
+    outcome = outcomes_of(Local(workers=1, timeout=3), Segment(ant), [slow])
+    assert outcome == {slow: TaskFailure("timeout", "took longer than trial.timeout=3 seconds")}
     wait_until_gone(note)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import heatwalk
-from studies.execution.engine import Local
+from studies.execution import Local, map_ordered
 from studies.segmenters import HeatWalk, SegmenterError, make
 from tests.helpers.meshes import bundled
 
@@ -103,7 +103,7 @@ def test_a_class_is_made_once_a_process_and_need_not_be_picklable(mine, composed
 
 def test_a_worker_finds_the_method_too(mine, composed, ant):
     segmenter = made(composed, "segmenter._target_=my_methods.halves")
-    ((_, labels),) = Local(workers=1).run(segmented, [(segmenter, ant)])
+    (labels,) = map_ordered(Local(workers=1), segmented, [(segmenter, ant)])
     assert (labels == segmenter(*ant)).all()
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from studies import merge
-from studies.storage import store
+from studies.storage import planned_ids
 from tests.studies.test_survival import FOLDER, rows, table
 
 
@@ -44,7 +44,7 @@ def test_repeats_joined_in_order_give_the_same_table_to_the_byte(study):
     assert join("a", "b") == 0
     assert table("a") == table("whole")
     pd.testing.assert_frame_equal(rows("a"), rows("whole"))
-    assert store.planned(store.Path("a") / FOLDER) == rows("whole")["trial_id"].tolist()
+    assert planned_ids(Path("a") / FOLDER) == rows("whole")["trial_id"].tolist()
     assert study("repeats=3", results="a")  # and the study goes on from what was joined
     assert table("a") == table("whole")
 

@@ -1,7 +1,6 @@
 """A real scheduler and two workers, processes of their own, over TCP on loopback."""
 
 import json
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -12,19 +11,28 @@ from pathlib import Path
 
 import psutil
 import pytest
+from studies.planning.plan import plan
 
 from studies.datasets.files import FileModel
-from studies.execution.engine import Lost, Serial
-from studies.execution.schedule import Schedule, execute
-from studies.planning.plan import plan
+from studies.execution import Serial, TaskFailure, run_trials
 from studies.planning.trial import COLUMNS, TIMINGS
 from tests.helpers.meshes import bundled
 from tests.studies.conftest import STUDY
-from tests.studies.execution.test_engine import abort_at_three, blas_threads, hang_at_three, process, square, wait_for
+from tests.studies.execution.engines import (
+    abort_at_three,
+    blas_threads,
+    completed,
+    hang_at_three,
+    kill_the_dask_worker_at_three,
+    outcomes_of,
+    process,
+    square,
+    wait_for,
+)
 
 pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
 
-from studies.execution.cluster import Dask
+from studies.execution import Dask
 
 PROJECT = str(Path(__file__).parents[3])
 ALLOWED_FAILURES = 1  # how many workers a task may lose
@@ -62,25 +70,25 @@ def scheduler(tmp_path_factory):
 
 def test_every_task_gets_its_own_outcome(scheduler):
     engine = Dask(scheduler[0])
-    assert dict(engine.run(square, range(30))) == {x: x * x for x in range(30)}
+    assert outcomes_of(engine, square, range(30)) == {x: x * x for x in range(30)}
     assert engine.active() == []
 
 
 def test_work_is_done_by_processes_of_the_workers_with_one_blas_thread_each(scheduler):
-    pids = {pid for _, pid in Dask(scheduler[0]).run(process, range(12))}
+    pids = {pid for _, pid in completed(Dask(scheduler[0]), process, range(12))}
     assert len(pids) == 2
     assert os.getpid() not in pids
-    assert {n for _, n in Dask(scheduler[0]).run(blas_threads, [0])} == {1}
+    assert {n for _, n in completed(Dask(scheduler[0]), blas_threads, [0])} == {1}
 
 
 def test_a_task_that_crashes_or_hangs_costs_itself_only_and_no_worker(scheduler):
-    dict(Dask(scheduler[0]).run(square, range(8)))  # the workers start their processes
+    outcomes_of(Dask(scheduler[0]), square, range(8))  # the workers start their processes
     before = {child.pid for worker in scheduler[1] for child in psutil.Process(worker.pid).children()}
-    outcomes = dict(Dask(scheduler[0]).run(abort_at_three, range(8)))
-    assert outcomes.pop(3) == Lost("crashed", "its process died with exit code -6")
+    outcomes = outcomes_of(Dask(scheduler[0]), abort_at_three, range(8))
+    assert outcomes.pop(3) == TaskFailure("crashed", "its process died with exit code -6")
     assert outcomes == {x: x for x in range(8) if x != 3}
-    outcomes = dict(Dask(scheduler[0], timeout=2).run(hang_at_three, range(8)))
-    assert outcomes.pop(3) == Lost("timeout", "took longer than trial.timeout=2 seconds")
+    outcomes = outcomes_of(Dask(scheduler[0], timeout=2), hang_at_three, range(8))
+    assert outcomes.pop(3) == TaskFailure("timeout", "took longer than trial.timeout=2 seconds")
     assert outcomes == {x: x for x in range(8) if x != 3}
     assert before == {child.pid for worker in scheduler[1] for child in psutil.Process(worker.pid).children()}
 
@@ -90,7 +98,7 @@ def test_a_worker_finds_the_modules_that_the_head_process_finds(scheduler, own_m
     sys.path.insert(0, str(own_modules))
     import only_the_head_has_it
 
-    assert dict(Dask(scheduler[0]).run(only_the_head_has_it.cube, [2, 3])) == {2: 8, 3: 27}
+    assert outcomes_of(Dask(scheduler[0]), only_the_head_has_it.cube, [2, 3]) == {2: 8, 3: 27}
 
 
 def slowly(task):
@@ -103,7 +111,7 @@ def slowly(task):
 def test_a_worker_that_is_killed_costs_nothing(scheduler, tmp_path):
     address, workers, _ = scheduler
     tasks = [(x, str(tmp_path)) for x in range(24)]
-    results = Dask(address).run(slowly, tasks)
+    results = completed(Dask(address), slowly, tasks)
     outcomes = dict(next(results) for _ in range(4))
     wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
     os.killpg(workers[0].pid, signal.SIGKILL)  # the nanny; its worker is in another session
@@ -113,43 +121,21 @@ def test_a_worker_that_is_killed_costs_nothing(scheduler, tmp_path):
     assert len(victims) == 2
 
 
-def kill_the_worker_at_three(x):
-    if x == 3:
-        os.kill(multiprocessing.parent_process().pid, signal.SIGKILL)
-        time.sleep(60)
-    return x
-
-
-class OneByOne:
-    """Tasks that are given when the one before has its outcome."""
-
-    def __init__(self, tasks):
-        self.left = list(tasks)
-        self.busy = False
-
-    def __iter__(self):
-        return self
-
-    def __next__(self):
-        if self.busy or not self.left:
-            raise StopIteration
-        self.busy = True
-        return self.left.pop(0)
-
-
 @pytest.mark.slow  # three workers start one after the other
 def test_a_task_that_kills_one_worker_after_the_other_is_given_up_and_the_others_go_on(scheduler):
-    tasks, outcomes = OneByOne([2, 3, 4, 5]), {}
-    for x, outcome in Dask(scheduler[0]).run(kill_the_worker_at_three, tasks):
-        outcomes[x] = outcome
-        tasks.busy = False
-    assert outcomes == {2: 2, 3: Lost("crashed", "the worker that ran it died, 2 times"), 4: 4, 5: 5}
+    outcomes = {}
+    with Dask(scheduler[0]).open(kill_the_dask_worker_at_three) as session:
+        for x in (2, 3, 4, 5):
+            session.submit(x)
+            while session.pending:
+                outcomes |= session.wait()
+    assert outcomes == {2: 2, 3: TaskFailure("crashed", "the worker that ran it died, 2 times"), 4: 4, 5: 5}
 
 
 def test_it_says_which_tasks_the_workers_have(scheduler):
     engine = Dask(scheduler[0])
     seen = set()
-    for _ in engine.run(process, range(8)):
+    for _ in completed(engine, process, range(8)):
         seen.update(engine.active())
         assert len(engine.active()) <= 4
     assert len(seen) >= 4
@@ -158,7 +144,7 @@ def test_it_says_which_tasks_the_workers_have(scheduler):
 def test_a_cluster_is_started_for_the_study_and_ends_with_it():
     options = {"n_workers": 1, "threads_per_worker": 2, "dashboard_address": ":0"}
     engine = Dask(cluster={"_target_": "distributed.LocalCluster", **options})
-    pids = {pid for _, pid in engine.run(process, range(8))}
+    pids = {pid for _, pid in completed(engine, process, range(8))}
     assert len(pids) == 2
     wait_for(lambda: not any(psutil.pid_exists(pid) for pid in pids))
 
@@ -173,7 +159,14 @@ def test_a_scheduler_that_is_not_there_is_an_error():
     import dask
 
     with dask.config.set({"distributed.comm.timeouts.connect": "1s"}), pytest.raises(OSError, match=r"127\.0\.0\.1:1"):
-        list(Dask("tcp://127.0.0.1:1").run(square, [1]))
+        list(completed(Dask("tcp://127.0.0.1:1"), square, [1]))
+
+
+KEPT = [column.name for column in COLUMNS if column.name not in TIMINGS]
+
+
+class NotRemote(Dask):
+    remote = False
 
 
 @dataclass(frozen=True)
@@ -197,13 +190,12 @@ def test_meshes_reach_workers_that_do_not_see_their_files(scheduler, tmp_path, c
         for trial in plan(composed("+study=normal_noise", *words))
     ]
 
-    def rows(engine, remote):
-        schedule = Schedule(planned, remote)
-        found = [row for task, outcome in engine.run(execute, schedule) for row in schedule.rows(task, outcome)]
-        return {row["trial_id"]: {key: row[key] for key in COLUMNS if key not in TIMINGS} for row in found}
+    def rows(engine):
+        found = run_trials(engine, planned)
+        return {row["trial_id"]: {key: row[key] for key in KEPT} for row in found}
 
     engine = Dask(scheduler[0])
-    expected = rows(Serial(), False)
+    expected = rows(Serial())
     assert sorted(row["status"] for row in expected.values()) == ["failed"] * 4 + ["ok"] * 4
-    assert rows(engine, engine.remote) == expected
-    assert {row["status"] for row in rows(engine, False).values()} == {"failed"}  # or the test would say nothing
+    assert rows(engine) == expected
+    assert {row["status"] for row in rows(NotRemote(scheduler[0])).values()} == {"failed"}

@@ -3,10 +3,10 @@ import shutil
 
 import pandas as pd
 import pytest
+from studies.storage.store import Rows, Store
 
 from studies.planning.trial import COLUMNS
 from studies.storage import store
-from studies.storage.store import Rows, Store
 
 
 def row(trial_id, **values):

@@ -1,0 +1,175 @@
+"""Tasks on other machines, by dask.distributed: ``pip install 'heatwalk[dask]'``."""
+
+import contextlib
+import logging
+import multiprocessing
+import pickle
+import sys
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import hydra.utils
+
+from studies.execution.engine import TaskFailure, check_limits, check_workers
+from studies.execution.worker_pool import WorkerPool
+
+try:
+    import distributed
+except ImportError as error:
+    raise ImportError("engine=dask needs dask.distributed: pip install 'heatwalk[dask]'") from error
+
+REFILL_SECONDS = 5.0  # after which workers that have joined get tasks, even if no task has finished
+
+
+@dataclass(frozen=True)
+class Dask:
+    """Execute tasks on the workers of a dask scheduler.
+
+    Each thread of a dask worker has a process of its own, as with `Local`: a task that crashes, hangs or outgrows its
+    memory has the outcome that it would have there, and the dask worker goes on. The tasks of a dask worker that dies
+    run again on another one, as often as the scheduler's setting ``allowed-failures`` permits.
+
+    Parameters
+    ----------
+    address : str, optional
+        address of a running scheduler, such as "tcp://10.0.0.1:8786"
+    cluster : mapping, optional
+        instead: the class that starts a cluster for the study (``_target_``, such as dask_jobqueue.SLURMCluster) and
+        its options
+    workers : int, optional
+        number of workers that the cluster is asked for; by default what it starts by itself
+    timeout, memory : optional
+        limits of one task, as for `Local`
+
+    Raises
+    ------
+    ValueError
+        If an option is not what it should be, or not exactly one of ``address`` and ``cluster`` is given.
+    """
+
+    remote: ClassVar[bool] = True
+    address: str | None = None
+    cluster: Mapping[str, Any] | None = None
+    workers: int | None = None
+    timeout: float | None = None
+    memory: int | str | None = None
+    _sessions: list["_DaskSession"] = field(default_factory=list, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if (self.address is None) == (self.cluster is None):
+            raise ValueError(
+                "engine=dask requires either engine.address=tcp://HOST:PORT of a running scheduler, "
+                "or 'engine.cluster={_target_:dask_jobqueue.SLURMCluster,…}'"
+            )
+        check_workers(self.workers)
+        check_limits(self.timeout, self.memory)
+
+    @property
+    def processes(self) -> int | None:
+        """How many workers the cluster is asked for."""
+        return self.workers
+
+    def warm_up(self) -> None:
+        """Nothing: workers are asked for when a session opens."""
+
+    @contextmanager
+    def open(self, function: Callable[[Any], Any]) -> Iterator["_DaskSession"]:
+        """A session that applies ``function`` to tasks on the workers; see `studies.execution.Engine`.
+
+        Raises
+        ------
+        OSError
+            If the scheduler cannot be reached.
+        """
+        logging.getLogger("distributed").setLevel(logging.WARNING)  # not a line for each worker that joins or leaves
+        name = f"studies-{uuid.uuid4().hex}"
+        with ExitStack() as stack:
+            client = stack.enter_context(self._client(stack))
+            plugin = _IsolationPlugin(sys.path, pickle.dumps(function), self.timeout, self.memory)
+            client.register_plugin(plugin, name=name)
+            stack.callback(client.unregister_worker_plugin, name)
+            session = _DaskSession(client, name, self.workers or 1, self.address or "the cluster")
+            self._sessions.append(session)
+            stack.callback(self._sessions.remove, session)
+            yield session
+
+    def active(self) -> list[Any]:
+        """The tasks that workers have: one per thread is being worked on, and one may wait behind it."""
+        return [task for session in self._sessions[:] for task in session.active()]
+
+    def _client(self, stack: ExitStack) -> distributed.Client:
+        if self.cluster is None:
+            return distributed.Client(self.address, set_as_default=False)
+        cluster = stack.enter_context(hydra.utils.instantiate(self.cluster, _convert_="all"))
+        if self.workers:
+            cluster.scale(self.workers)
+        return distributed.Client(cluster, set_as_default=False)
+
+
+class _DaskSession:
+    def __init__(self, client: distributed.Client, plugin: str, n_expected: int, scheduler: str) -> None:
+        self._client = client
+        self._plugin = plugin
+        self._n_expected = n_expected
+        self._scheduler = scheduler
+        self._pending: dict[distributed.Future, Any] = {}
+
+    @property
+    def pending(self) -> int:
+        return len(self._pending)
+
+    def has_room(self) -> bool:
+        return len(self._pending) < 2 * max(sum(self._client.nthreads().values()), self._n_expected)
+
+    def submit(self, task: Any) -> None:
+        self._pending[self._client.submit(_run_isolated, self._plugin, pickle.dumps(task), pure=False)] = task
+
+    def wait(self) -> list[tuple[Any, Any]]:
+        finished: list[distributed.Future] = []
+        while self._pending and not finished:
+            with self._client.as_current(), contextlib.suppress(TimeoutError):
+                distributed.wait(list(self._pending), timeout=REFILL_SECONDS, return_when="FIRST_COMPLETED")
+            finished = [future for future in self._pending if future.done()]
+            if self.has_room():
+                break
+        return [(self._pending.pop(future), self._outcome(future)) for future in finished]
+
+    def active(self) -> list[Any]:
+        keys = {key for keys in self._client.processing().values() for key in keys}
+        return [task for future, task in list(self._pending.items()) if future.key in keys]
+
+    def _outcome(self, future: distributed.Future) -> Any:
+        try:
+            return future.result()
+        except distributed.KilledWorker as error:
+            return TaskFailure("crashed", f"the worker that ran it died, {error.allowed_failures + 1} times")
+        except CancelledError as error:
+            raise ConnectionError(f"the scheduler at {self._scheduler} lost the study's tasks") from error
+
+
+def _run_isolated(plugin: str, task: bytes) -> Any:
+    plugins: dict[str, Any] = distributed.get_worker().plugins
+    return plugins[plugin].pool.outcome(task)
+
+
+class _IsolationPlugin(distributed.WorkerPlugin):
+    """What a dask worker has for one study: the module path of the head process, and a process per thread."""
+
+    def __init__(self, path: list[str], function: bytes, timeout: float | None, memory: int | str | None) -> None:
+        self._path = path
+        self._function = function
+        self._limits = timeout, memory
+
+    def setup(self, worker: distributed.Worker) -> None:
+        sys.path.extend(folder for folder in self._path if folder not in sys.path)
+        # A worker is a daemon of its nanny, and daemons may not have children. This is what dask's setting
+        # ``distributed.worker.daemon`` does, which would have to be made on every worker before it starts.
+        multiprocessing.process.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
+        self.pool = WorkerPool(self._function, worker.state.nthreads, *self._limits)
+
+    def teardown(self, worker: distributed.Worker) -> None:
+        self.pool.close()

@@ -1,0 +1,78 @@
+"""The results folders of studies, and their files."""
+
+import os
+import re
+from datetime import datetime
+from pathlib import Path
+
+ROWS_FILE = "trials.jsonl"  # one row per line, appended as it is made
+TABLE_FILE = "trials.parquet"  # the rows of the last plan, in its order
+PLAN_FILE = "planned.txt"  # one trial_id per line, in the order of the last plan
+LOCK_FILE = "trials.lock"  # locked by the process that writes to the folder
+LABELS_FOLDER = "labels"  # arrays of single trials
+
+_BACKUP_SUFFIX = ".before-%Y%m%dT%H%M%S"
+_IS_BACKUP = re.compile(r"\.before-[0-9]{8}T[0-9]{6}$")
+
+
+def result_folders(results: Path | str) -> list[Path]:
+    """The folders at or below ``results`` that contain rows of a study.
+
+    Returns
+    -------
+    list of Path
+        sorted; without the folders that earlier results were moved to
+    """
+    found = []
+    for folder, subfolders, files in os.walk(results):
+        subfolders[:] = [name for name in subfolders if name != LABELS_FOLDER and not _IS_BACKUP.search(name)]
+        if ROWS_FILE in files or TABLE_FILE in files:
+            found.append(Path(folder))
+    return sorted(found)
+
+
+def planned_ids(folder: Path) -> list[str] | None:
+    """The trial_ids that the last run in a folder planned.
+
+    Returns
+    -------
+    list of str or None
+        in the order of the plan; None if the plan is not stored, as in a fresh clone
+    """
+    try:
+        return (folder / PLAN_FILE).read_text("ascii").splitlines()
+    except FileNotFoundError:
+        return None
+
+
+def table_is_current(folder: Path) -> bool:
+    """Whether the table of a folder shows the rows of its last plan, so that the rows need not be read."""
+    table, rows, plan = (folder / name for name in (TABLE_FILE, ROWS_FILE, PLAN_FILE))
+    if not table.exists():
+        return False
+    if not (rows.exists() and plan.exists()):
+        return True
+    written = table.stat().st_mtime_ns
+    return all(path.stat().st_mtime_ns < written for path in (rows, plan))
+
+
+def move_to_backup(folder: Path) -> Path | None:
+    """Move the files and labels of a folder into a new one next to it; other folders in it belong to other studies.
+
+    Returns
+    -------
+    Path or None
+        the new folder; None if nothing had to be moved
+    """
+    paths = [
+        path
+        for path in folder.iterdir()
+        if (path.name == LABELS_FOLDER if path.is_dir() else not path.name.startswith(LOCK_FILE))
+    ]
+    if not paths:
+        return None
+    backup = folder.with_name(folder.name + datetime.now().strftime(_BACKUP_SUFFIX))
+    backup.mkdir()
+    for path in paths:
+        path.rename(backup / path.name)
+    return backup

@@ -1,0 +1,242 @@
+"""Join the results of a study that was made in parts, for example on two machines."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from omegaconf import OmegaConf
+
+from studies.columns import Column
+from studies.planning.trial import TIMINGS
+from studies.storage.atomic import atomic_write
+from studies.storage.folders import planned_ids, result_folders
+from studies.storage.rows import RowStore, read_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CONFIG_FILE = "config.yaml"
+PROVENANCE_FILE = "provenance.json"
+
+# Options in which two folders may differ: where and how trials run, and which of them. All others determine the
+# trial_ids or the tables.
+MAY_DIFFER = ("engine", "results_dir", "trial", "gallery", "on_error", "retry_failed", "fresh", "dry_run", "repeats")
+MAY_DIFFER_IN_DATASET = ("root", "glob", "models", "categories")
+
+Options = dict[str, Any]
+
+
+class MergeError(ValueError):
+    """Two results folders cannot be merged; the message tells why."""
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Two results folders in one.
+
+    Parameters
+    ----------
+    options : dict
+        the configuration, as in config.yaml
+    rows : pandas.DataFrame
+        the rows of both, one per trial
+    n_first, n_second : int
+        how many rows each of the folders has
+    """
+
+    options: Options
+    rows: "pd.DataFrame"
+    n_first: int
+    n_second: int
+
+
+def check_folders(first: Path, second: Path, into: Path) -> None:
+    """Check that two folders contain results, and that a third one does not.
+
+    Parameters
+    ----------
+    first, second : Path
+        results folders
+    into : Path
+        may be ``first``
+
+    Raises
+    ------
+    MergeError
+        If they are not.
+    """
+    if into != first and into in result_folders(into):
+        raise MergeError(f"{into} contains results already; choose another folder, or none")
+    for folder in (first, second):
+        found = result_folders(folder)
+        if folder not in found or not (folder / CONFIG_FILE).exists():
+            hint = f"; {found[0]} is one" if found else ""
+            raise MergeError(
+                f"{folder} is not the results folder of a study, with config.yaml and trials.parquet{hint}"
+            )
+
+
+def read_options(folder: Path) -> Options:
+    """The configuration of a results folder, as plain dicts and lists."""
+    options = OmegaConf.to_container(OmegaConf.load(folder / CONFIG_FILE))
+    assert isinstance(options, dict)
+    return options  # type: ignore[return-value]
+
+
+def merge(
+    first: Path, second: Path, into: Path, columns: Sequence[Column], write_tables: Callable[[Merged], None]
+) -> Merged:
+    """Join the rows, plans, configurations and provenances of two results folders.
+
+    Parameters
+    ----------
+    first, second : Path
+        results folders of one study
+    into : Path
+        where to write; may be ``first``
+    columns : sequence of Column
+        the columns of the rows
+    write_tables : callable
+        called when all else is written and ``into`` is still locked
+
+    Raises
+    ------
+    MergeError
+        If the two are not of one study, or contain different results of one trial.
+    StoreLockedError
+        If another process writes to ``into``.
+    """
+    check_folders(first, second, into)
+    a, b = read_options(first), read_options(second)
+    _check_options(a, b, first, second)
+    origin_a, origin_b = _read_provenance(first), _read_provenance(second)
+    _check_versions(origin_a, origin_b, first, second)
+    with RowStore(into) as store:
+        rows_a, rows_b = read_rows(first, columns), read_rows(second, columns)
+        rows = _merge_rows(rows_a, rows_b, first, second)
+        new = rows[[store.status.get(i) != status for i, status in zip(rows["trial_id"], rows["status"], strict=True)]]
+        store.add_all(_as_dicts(new))
+        planned = [trial_id for folder in (first, second) for trial_id in planned_ids(folder) or ()]
+        store.write_plan(dict.fromkeys([*rows["trial_id"], *planned]))
+        options = _merge_options(a, b)
+        with atomic_write(into / CONFIG_FILE) as path:
+            OmegaConf.save(OmegaConf.create(options), path)
+        meshes = origin_a["meshes_sha256"] | origin_b["meshes_sha256"]
+        with atomic_write(into / PROVENANCE_FILE) as path:
+            origin = origin_a | {"meshes_sha256": meshes, "merged_with": origin_b}
+            path.write_text(json.dumps(origin, indent=2) + "\n", "utf-8")
+        merged = Merged(options, store.frame(rows["trial_id"], columns), len(rows_a), len(rows_b))
+        write_tables(merged)
+    return merged
+
+
+def _read_provenance(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / PROVENANCE_FILE).read_text("utf-8"))
+
+
+def _check_options(a: Options, b: Options, first: Path, second: Path) -> None:
+    flat_a, flat_b = _flat(_comparable(a)), _flat(_comparable(b))
+    for key in sorted(flat_a.keys() | flat_b.keys()):
+        if flat_a.get(key) != flat_b.get(key):
+            raise MergeError(f"{key} is {flat_a.get(key)!r} in {first} and {flat_b.get(key)!r} in {second}")
+
+
+def _comparable(options: Options) -> Options:
+    """Options without those that may differ."""
+    kept = _without(options, (*MAY_DIFFER, "levels"))
+    kept["dataset"] = _without(kept["dataset"], MAY_DIFFER_IN_DATASET)
+    if kept.get("parts"):
+        kept["parts"] = {name: _without(part, ("levels",)) for name, part in kept["parts"].items()}
+    return kept
+
+
+def _without(options: Mapping[str, Any], names: Sequence[str]) -> Options:
+    return {key: value for key, value in options.items() if key not in names}
+
+
+def _flat(options: Any, prefix: str = "") -> Options:
+    """Nested dicts as one, keyed by dotted names."""
+    if not isinstance(options, dict) or not options:
+        return {prefix: options}
+    flat: Options = {}
+    for key, value in options.items():
+        flat |= _flat(value, f"{prefix}.{key}" if prefix else str(key))
+    return flat
+
+
+def _check_versions(a: Mapping[str, Any], b: Mapping[str, Any], first: Path, second: Path) -> None:
+    version_a, version_b = a["algorithm_version"], b["algorithm_version"]
+    if version_a != version_b:
+        raise MergeError(
+            f"the algorithm_version is {version_a} in {first} and {version_b} in {second}: their results cannot be "
+            "compared"
+        )
+
+
+def _merge_rows(a: "pd.DataFrame", b: "pd.DataFrame", first: Path, second: Path) -> "pd.DataFrame":
+    """The rows of both, one per trial, ordered by model, part and level as these first occur.
+
+    A successful row replaces one that failed.
+    """
+    import pandas as pd
+
+    _check_results(a, b, first, second)
+    rows = pd.concat([a, b], ignore_index=True)
+    keys = [rows[key].factorize()[0] for key in ("level", "part", "model")]
+    rows = rows.iloc[np.lexsort([rows["repeat"].to_numpy(), *keys])]
+    failed = rows["status"] != "ok"
+    kept = pd.concat([rows[~failed], rows[failed]]).drop_duplicates("trial_id").index
+    return rows[rows.index.isin(kept)].reset_index(drop=True)
+
+
+def _check_results(a: "pd.DataFrame", b: "pd.DataFrame", first: Path, second: Path) -> None:
+    """Raise MergeError if a trial that succeeded in both has different results."""
+    columns = [column for column in a.columns if column not in TIMINGS]
+    good_a, good_b = (rows[rows["status"] == "ok"].set_index("trial_id", drop=False) for rows in (a, b))
+    both = good_a.index.intersection(good_b.index)
+    a, b = good_a.loc[both, columns], good_b.loc[both, columns]
+    same = (a.eq(b) | (a.isna() & b.isna())).fillna(False).astype(bool)
+    if same.all(axis=None):
+        return
+    trial_id = both[~same.all(axis=1)][0]
+    column = same.columns[~same.loc[trial_id].to_numpy(dtype=bool)][0]
+    row = a.loc[trial_id]
+    raise MergeError(
+        f"trial {trial_id} ({row['model']}, {row['part']} {row['level']:g}, repeat {row['repeat']}) has "
+        f"{column} {row[column]} in {first} and {b.loc[trial_id, column]} in {second}"
+    )
+
+
+def _as_dicts(rows: "pd.DataFrame") -> list[dict[str, Any]]:
+    """Rows with None for missing values, as JSON knows them."""
+    import pyarrow
+
+    return pyarrow.Table.from_pandas(rows, preserve_index=False).to_pylist()
+
+
+def _merge_options(a: Options, b: Options) -> Options:
+    """The options of ``a`` with the levels, repeats and models of both."""
+    merged = dict(a)
+    merged["levels"] = _union(a.get("levels"), b.get("levels"))
+    if not merged["levels"]:
+        del merged["levels"]
+    if a.get("parts"):
+        merged["parts"] = {
+            name: part | ({"levels": _union(part["levels"], b["parts"][name]["levels"])} if part.get("levels") else {})
+            for name, part in a["parts"].items()
+        }
+    merged["repeats"] = max(a["repeats"], b["repeats"])
+    merged["dataset"] = dict(a["dataset"])
+    for key in ("models", "categories"):
+        if key in merged["dataset"]:
+            chosen = [options["dataset"][key] for options in (a, b)]
+            is_open = None in chosen or "non_rigid" in chosen
+            merged["dataset"][key] = chosen[0] if is_open else _union(*chosen)
+    return merged
+
+
+def _union(a: Sequence[Any] | None, b: Sequence[Any] | None) -> list[Any]:
+    return list(dict.fromkeys([*(a or ()), *(b or ())]))

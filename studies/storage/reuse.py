@@ -1,0 +1,99 @@
+"""Rows that other studies have stored: a trial with the same trial_id has the same result."""
+
+from collections.abc import Collection, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from studies.storage.folders import ROWS_FILE, TABLE_FILE, result_folders, table_is_current
+from studies.storage.rows import StoredRows, count_table_rows, parse_rows, read_table_columns
+
+
+def find_reusable(results: Path | str, folder: Path, trial_ids: Iterable[str]) -> dict[Path, set[str]]:
+    """Where successful rows of trials are stored, other than in the rows of their own folder.
+
+    Parameters
+    ----------
+    results : Path
+        where to look
+    folder : Path
+        the own folder; its table counts if its rows are absent, as in a fresh clone
+    trial_ids : iterable of str
+
+    Returns
+    -------
+    dict
+        file -> trial_ids to be read from it with `read_reusable`, each of them once
+    """
+    found: dict[Path, set[str]] = {}
+    missing = set(trial_ids)
+    for other in sorted(result_folders(results), key=lambda other: other != folder):
+        if not missing:
+            break
+        path = _source(other)
+        if path is None or path == folder / ROWS_FILE:
+            continue
+        reusable = missing & _successful_ids(path)
+        if reusable:
+            found[path] = reusable
+            missing -= reusable
+    return found
+
+
+def read_reusable(path: Path, trial_ids: Collection[str]) -> Iterator[dict[str, Any]]:
+    """The successful rows of trials in a file that `find_reusable` found.
+
+    Parameters
+    ----------
+    path : Path
+    trial_ids : collection of str
+
+    Yields
+    ------
+    dict
+    """
+    if path.name == ROWS_FILE:
+        rows = [row for row in parse_rows(path) if row is not None and row["trial_id"] in trial_ids]
+    else:
+        import pyarrow
+        from pyarrow import compute
+        from pyarrow.parquet import ParquetFile
+
+        with ParquetFile(path) as file:
+            table = file.read()
+        wanted = pyarrow.array(list(trial_ids), table["trial_id"].type)
+        rows = table.filter(compute.is_in(table["trial_id"], wanted)).to_pylist()
+    return (row for row in rows if row["status"] == "ok")
+
+
+def _source(folder: Path) -> Path | None:
+    """The file of a folder that has the rows."""
+    rows, table = folder / ROWS_FILE, folder / TABLE_FILE
+    if rows.exists() and rows.stat().st_size:
+        return rows
+    return table if table.exists() else None
+
+
+def _successful_ids(path: Path) -> set[str]:
+    """The successful trials of a file of rows; none if the file is damaged or something else."""
+    if path.name == ROWS_FILE and not _table_has_all_rows(path.parent):
+        return {trial_id for trial_id, status in StoredRows(path.parent).status.items() if status == "ok"}
+    try:
+        columns = read_table_columns(path.with_name(TABLE_FILE), ["trial_id", "status"])
+        return {i for i, status in zip(columns["trial_id"], columns["status"], strict=True) if status == "ok"}
+    except (ValueError, KeyError, OSError):
+        return set()
+
+
+def _table_has_all_rows(folder: Path) -> bool:
+    """Whether the table of a folder, which is faster to read, has every row of the file of rows.
+
+    It need not: rows of earlier plans are only in the file.
+    """
+    if not table_is_current(folder):
+        return False
+    with (folder / ROWS_FILE).open("rb") as file:
+        n_lines = sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b""))
+    try:
+        return n_lines == count_table_rows(folder / TABLE_FILE)
+    except ValueError:
+        return False
