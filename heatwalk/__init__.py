@@ -13,7 +13,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "ALGORITHM_VERSION": "segmentation",
-    "LoadedMesh": "io.files",
+    "LoadedMesh": "io",
     "MeshError": "meshes",
     "MeshReport": "meshes",
     "Segmentation": "segmentation",
@@ -21,7 +21,7 @@ _HOME = {
     "check_mesh": "meshes",
     "faces_from_vertices": "segmentation",
     "inspect_mesh": "meshes",
-    "read_mesh": "io.files",
+    "read_mesh": "io",
     "segment": "segmentation",
     "segment_at_times": "segmentation",
 }

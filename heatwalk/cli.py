@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from heatwalk import __version__
-from heatwalk.io.files import read_mesh, write_ply, write_seg
+from heatwalk.io import read_mesh, write_ply, write_seg
 from heatwalk.meshes import MeshError, inspect_mesh
 from heatwalk.segmentation import segment
 from heatwalk.spectrum import SpectrumError

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pymeshlab
 import trimesh
-from heatwalk.io.files import LoadedMesh, read_mesh
 
+from heatwalk.io import LoadedMesh, read_mesh
 from studies.datasets.dataset import Dataset, DatasetError, Model, selected_names
 
 

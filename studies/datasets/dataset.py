@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from studies.planning.targets import check_required, construct, locate
 
 if TYPE_CHECKING:
-    from heatwalk.io.files import LoadedMesh
+    from heatwalk.io import LoadedMesh
 
 _EXAMPLES = {"_target_": "my_package.MyDataset", "glob": "my/meshes/**/*.off", "root": "PATH"}
 
@@ -42,7 +42,7 @@ class Model(ABC):
     --------
     >>> import hashlib
     >>> import trimesh
-    >>> from heatwalk.io.files import LoadedMesh
+    >>> from heatwalk.io import LoadedMesh
     >>> @dataclass(frozen=True)
     ... class Cylinder(Model):
     ...     sections: int

@@ -7,8 +7,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from heatwalk.io.files import LoadedMesh, read_mesh
-
+from heatwalk.io import LoadedMesh, read_mesh
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order
 
 SUFFIXES = (".off", ".obj", ".ply", ".stl")

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from heatwalk.io.files import LoadedMesh
 from numpy.typing import NDArray
 
+from heatwalk.io import LoadedMesh
 from studies.datasets.dataset import Model
 
 AnyTrial = TypeVar("AnyTrial")

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from heatwalk.io.files import LoadedMesh, read_mesh, read_seg
 from numpy.typing import NDArray
 
+from heatwalk.io import LoadedMesh, read_mesh, read_seg
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, require_available, selected_names
 from studies.datasets.folders import find, folder, read
 

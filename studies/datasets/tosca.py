@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from heatwalk.io.files import LoadedMesh, read_mesh
 from numpy.typing import NDArray
 
-from heatwalk.meshes import MeshError, check_arrays, referenced, shortened
+from heatwalk.io import LoadedMesh, read_mesh
+from heatwalk.meshes import MeshError, check_arrays, describe_error, referenced
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, require_available, selected_names
 from studies.datasets.folders import find, folder, read
 
@@ -70,7 +70,7 @@ class TOSCAModel(Model):
         try:
             vertices, faces = check_arrays(*_READERS[self.suffix](*(file.read_bytes() for file in files)))
         except Exception as error:  # whatever a broken or missing file leads to
-            why = error if isinstance(error, MeshError) else shortened(error)
+            why = error if isinstance(error, MeshError) else describe_error(error)
             raise MeshError(f"{' and '.join(map(str, files))}: {why}") from error
         return _drop_unreferenced(vertices, faces)
 

@@ -67,7 +67,7 @@ class Anatomy(Experiment):
     Parameters
     ----------
     plates : mapping of str to mapping
-        by file stem: ``shows``, one of the plates of `studies.figures.plates`, and ``models``: their names, of which
+        by file stem: ``shows``, one of ``studies.figures.method_figures.PLATES``, and ``models``: their names, of which
         those in the study are shown, by default the first; or "each_category" for the first model of each category
     """
 
@@ -137,7 +137,7 @@ class Anatomy(Experiment):
         self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
     ) -> Iterable[Picture]:
         """The plates."""
-        from studies.figures.plates import PLATES, AnatomyPlate
+        from studies.figures.method_figures import PLATES, AnatomyPlate
 
         good = set(rows.loc[rows["status"] == "ok", "trial_id"])
         by_name = {trial.model.name: trial for trial in reversed(trials) if trial.trial_id in good}

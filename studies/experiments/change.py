@@ -28,6 +28,7 @@ from studies.experiments.experiment import (
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, digest_of_code, fingerprint
+from studies.planning.targets import construct
 from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_of_mean, model_mean
@@ -165,30 +166,35 @@ class Part:
 
     Parameters
     ----------
-    perturbation : perturb.Perturbation
-        whose field ``swept`` the levels replace
+    perturbation : mapping
+        ``_target_``, the dotted name of a subclass of perturb.Perturbation, and its options
     levels : sequence of float
     title : str
     axis : str
         what the levels are, without their unit
     swept : str
-        name of a field of the perturbation
+        the option of the perturbation that the levels replace
     """
 
-    perturbation: perturb.Perturbation
-    levels: Sequence[float]
+    perturbation: Mapping[str, Any] | None = None
+    levels: Sequence[float] | None = None
     title: str = ""
     axis: str = ""
     swept: str = "amount"
 
     def at_levels(self, name: str) -> list[tuple[float, perturb.Perturbation]]:
         """Each level with the perturbation at that level; ``name`` is for error messages."""
-        if self.perturbation is None:
-            raise StudyError(f"the study {name!r} has no perturbation: add perturbation=NAME or parts")
-        if not dataclasses.is_dataclass(self.perturbation):
-            raise StudyError(
-                f"{name}: perturbation is {self.perturbation!r}: it must be an instance of perturb.Perturbation"
-            )
+        if not isinstance(self.perturbation, Mapping) or "_target_" not in self.perturbation:
+            raise StudyError(f"the study {name!r} has no perturbation: perturbation=NAME, or perturbation._target_=…")
+        options = {key: value for key, value in self.perturbation.items() if key != "_target_"}
+        if self.swept not in options:
+            raise StudyError(f"{name}: swept is {self.swept!r}: it must be one of {', '.join(options)}")
+        return [
+            (float(level), construct("perturbation", {**self.perturbation, self.swept: level}, StudyError))
+            for level in self._checked_levels(name)
+        ]
+
+    def _checked_levels(self, name: str) -> Sequence[float]:
         if not isinstance(self.levels, Sequence) or isinstance(self.levels, str):
             raise StudyError(f"{name}: levels is {self.levels!r}: it must be a list, as in 'levels=[0.1,0.2]'")
         if not self.levels:
@@ -198,27 +204,19 @@ class Part:
                 raise StudyError(f"{name}: levels contains {level!r}, which is not a number")
         if len(set(self.levels)) < len(self.levels):
             raise StudyError(f"{name}: levels contains a value twice: {list(self.levels)}")
-        fields = [field.name for field in dataclasses.fields(self.perturbation)]
-        if self.swept not in fields:
-            raise StudyError(f"{name}: swept is {self.swept!r}: it must be one of {', '.join(fields)}")
-        return [(float(level), dataclasses.replace(self.perturbation, **{self.swept: level})) for level in self.levels]
+        return self.levels
 
-    @property
-    def unit(self) -> str:
+    def unit_of(self, perturbation: perturb.Perturbation) -> str:
         """Unit of the levels: the field ``unit`` for ``amount``, ``height_unit`` for ``height``."""
-        return str(getattr(self.perturbation, "unit" if self.swept == "amount" else f"{self.swept}_unit", ""))
+        return str(getattr(perturbation, "unit" if self.swept == "amount" else f"{self.swept}_unit", ""))
 
-    @property
-    def recipe(self) -> dict[str, Any]:
+    def recipe(self, perturbation: perturb.Perturbation) -> dict[str, Any]:
         """What determines the perturbation, but for its level: class, options, and version or code."""
-        options = dataclasses.asdict(self.perturbation) | {self.swept: None}
-        kind = type(self.perturbation)
-        if not kind.__module__.startswith("perturb."):
-            target = f"{kind.__module__}.{kind.__qualname__}"
-            return {"_target_": target, **options, "code": digest_of_code(kind)}
+        options = {**(self.perturbation or {}), self.swept: None}
+        if not str(options["_target_"]).startswith("perturb."):
+            return {**options, "code": digest_of_code(type(perturbation))}
         # The first version is not recorded: trials had been stored before there were others.
-        version = {"version": self.perturbation.version} if self.perturbation.version > 1 else {}
-        return {"_target_": f"perturb.{kind.__qualname__}", **options, **version}
+        return options if perturbation.version == 1 else {**options, "version": perturbation.version}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,7 +254,7 @@ class Change(Experiment):
         see `Gallery`
     """
 
-    perturbation: perturb.Perturbation | None = None
+    perturbation: Mapping[str, Any] | None = None
     levels: Sequence[float] | None = None
     title: str = ""
     axis: str = ""
@@ -277,7 +275,7 @@ class Change(Experiment):
         """Every model under every segmenter, part, level and repeat."""
         repeats = range(require_whole_number("repeats", self.repeats))
         levels = [
-            (name, level, perturbation, part.unit, part.recipe)
+            (name, level, perturbation, part.unit_of(perturbation), part.recipe(perturbation))
             for name, part in self.named_parts(study).items()
             for level, perturbation in part.at_levels(name)
         ]
@@ -317,18 +315,9 @@ class Change(Experiment):
     def named_parts(self, study: str) -> dict[str, Part]:
         """The parts of the study by name; a study of a single perturbation is its own only part."""
         if not self.parts:
-            return {study: self._single}
+            options = {field.name: getattr(self, field.name) for field in dataclasses.fields(Part)}
+            return {study: Part(**options)}
         return {name: _part(name, options) for name, options in self.parts.items()}
-
-    @property
-    def _single(self) -> Part:
-        return Part(
-            perturbation=self.perturbation,  # type: ignore[arg-type]  # None is refused by `at_levels`
-            levels=self.levels or (),
-            title=self.title,
-            axis=self.axis,
-            swept=self.swept,
-        )
 
     def tables(self, rows: pd.DataFrame) -> list[Table]:
         """Change Percentage by part and level; by category too if there are several."""

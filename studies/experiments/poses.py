@@ -215,16 +215,14 @@ class Poses(Experiment):
 
         keys = by_segmenter(rows)
         groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
-        changes = {
-            " ".join((*key, shape)): matrix for key, group in groups for shape, matrix in pair_matrices(group).items()
-        }
+        changes = {(shape, *key): matrix for key, group in groups for shape, matrix in pair_matrices(group).items()}
         return {study: charts.pair_matrices(changes, title)}
 
     def pictures(
         self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
     ) -> Iterable[Picture]:
         """Some poses side by side, a part in the colour that it has in the first of its shape."""
-        from studies.figures.plates import PosePlate
+        from studies.figures.method_figures import PosePlate
 
         by_pose = {model.name: trial for trial in reversed(trials) for model in getattr(trial, "poses", ())}
         for stem, plate in self.plates.items():

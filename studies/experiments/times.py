@@ -187,7 +187,8 @@ class Times(Experiment):
             Column(name="high", shown=False, help="Last time of the interval."),
             Column(name="interval", heading="times", template="{low:g} – {high:g}", help="Interval of times."),
             Column(name="counted", dtype="string", heading="segments counted", help="Which segments are counted."),
-            Column(name="times", dtype="int64", heading="times tried", help="Times within the interval."),
+            Column(name="times", dtype="int64", heading="times tried", compact=False,
+                   help="Times within the interval."),
             Column(name="unchanged", heading="unchanged %", format=".1f", lower_is_better=False,
                    help="Share of models with the same number of segments at every time."),
             Column(name="bounds", heading="95 % interval", template="{ci_low:.1f} – {ci_high:.1f}",
@@ -213,7 +214,7 @@ class Times(Experiment):
         self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
     ) -> Iterable[Picture]:
         """One model at a few times."""
-        from studies.figures.plates import TimePlate
+        from studies.figures.method_figures import TimePlate
 
         if not self.plate:
             return

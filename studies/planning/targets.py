@@ -7,12 +7,13 @@ import pkgutil
 import sys
 from collections.abc import Callable, Mapping
 from functools import partial
+from importlib import import_module
 from typing import Any
 
 REQUIRED = "???"  # the value of an option that has no default
 
 # Keys that are not options. Hydra's ``_convert_`` has no effect: lists and mappings are plain Python objects anyway.
-_INSTRUCTIONS = ("_target_", "_convert_")
+_INSTRUCTIONS = ("_target_", "_convert_", "_recursive_")
 
 
 def check_required(
@@ -73,12 +74,24 @@ def locate(group: str, name: str, error: type[ValueError]) -> Callable[..., Any]
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     try:
+        _import_module_of(name)  # what importing it raises says more than that there is no such attribute
         target = pkgutil.resolve_name(name)
     except Exception as reason:  # whatever importing the user's module raises
         raise error(f"{group}._target_={name}: {type(reason).__name__}: {reason}") from reason
     if not callable(target):
         raise error(f"{group}._target_={name} is a {type(target).__name__} and cannot be called")
     return target
+
+
+def _import_module_of(name: str) -> None:
+    """Import the module in which a dotted name is defined, if there is one; a class may be inside another."""
+    module = name.rpartition(".")[0]
+    if module:
+        try:
+            import_module(module)
+        except ModuleNotFoundError as error:
+            if not (error.name and module.startswith(error.name)):
+                raise  # an import inside the module
 
 
 def construct(group: str, options: Mapping[str, Any], error: type[ValueError]) -> Any:
@@ -90,7 +103,7 @@ def construct(group: str, options: Mapping[str, Any], error: type[ValueError]) -
         name of the options' group, for messages
     options : mapping
         ``_target_``, and keyword arguments of the class or function. A value that is itself a mapping with
-        ``_target_`` becomes an instance of what it names.
+        ``_target_`` becomes an instance of what it names, unless ``_recursive_`` is false.
     error : type of ValueError
         raised if there is no such target or it refuses the options. A ValueError of the target keeps its message,
         which names the option.
@@ -106,7 +119,9 @@ def construct(group: str, options: Mapping[str, Any], error: type[ValueError]) -
     """
     name = options["_target_"]
     target = locate(group, name, error)
-    keywords = {key: _instantiated(group, value, error) for key, value in options.items() if key not in _INSTRUCTIONS}
+    keywords = {key: value for key, value in options.items() if key not in _INSTRUCTIONS}
+    if options.get("_recursive_", True):
+        keywords = {key: _instantiated(group, value, error) for key, value in keywords.items()}
     if not isinstance(target, type):
         return partial(target, **keywords)
     try:

@@ -154,7 +154,7 @@ class Publication:
                 entry["by"] in record
                 and _all_equal(record, entry.get("where", {}))
                 and _key(entry, record) is not None
-                and _is_of_perturbation(entry.get("perturbation"), record, rows)
+                and _are_made_of(entry.get("rows", {}), record, rows)
             ):
                 yield entry
 
@@ -178,11 +178,10 @@ def _equal(a: Any, b: Any) -> bool:
     return math.isclose(a, b, rel_tol=1e-5, abs_tol=1e-8)
 
 
-def _is_of_perturbation(name: str | None, record: Mapping[str, Any], rows: pd.DataFrame) -> bool:
-    """Whether the row is about this perturbation: the values say nothing about one of the user's own."""
-    if name is None:
-        return True
-    return bool((rows.loc[rows["part"] == record["part"], "perturbation"] == name).all())
+def _are_made_of(wanted: Mapping[str, Any], record: Mapping[str, Any], rows: pd.DataFrame) -> bool:
+    """Whether all trials behind a row of a table have these values."""
+    behind = rows[rows["part"] == record["part"]] if "part" in record else rows
+    return all(bool((behind[name] == value).all()) for name, value in wanted.items())
 
 
 def _number(value: float | None) -> float:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from studies.columns import Table
 
 if TYPE_CHECKING:
-    import rich.table
+    from rich.console import Console
 
 # Columns of a table on the terminal from which on less space separates them, to fit on 80 characters.
 MANY_COLUMNS = 8
@@ -46,15 +46,21 @@ def html_of(title: str, table: Table) -> str:
     return f"<table><caption>{escape(title)}</caption><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
 
 
-def terminal_table(title: str, table: Table) -> rich.table.Table:
-    """The columns of a table that fit on 80 characters; table.md has all of them."""
+def print_table(title: str, table: Table, console: Console) -> None:
+    """Print the columns of a table that fit on 80 characters; table.md has all of them.
+
+    Headings wrap on a narrow terminal; a value is never cut.
+    """
     from rich.table import Table as RichTable
 
-    columns = table.visible(compact=True)
+    columns, rows = table.visible(compact=True), table.cells(compact=True)
     padding = (0, 1) if len(columns) < MANY_COLUMNS else (0, 1, 0, 0)
     shown = RichTable(title=title, caption="table.md explains the columns", padding=padding)
-    for column in columns:
-        shown.add_column(column.title, justify="right", no_wrap=True)
-    for cells in table.cells(compact=True):
+    widths = []
+    for i, column in enumerate(columns):
+        widths.append(max([*(len(cells[i]) for cells in rows), *map(len, column.title.split())]))
+        shown.add_column(column.title, justify="right", min_width=widths[-1])
+    for cells in rows:
         shown.add_row(*cells)
-    return shown
+    narrowest = sum(widths) + len(widths) * (1 + sum(padding[1::2] or (1,)) + (len(padding) == 2)) + 1
+    console.print(shown, width=max(console.width, narrowest), crop=False, no_wrap=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from studies.execution import TaskFailedError, map_ordered
 from studies.reporting.results import CONFIG_FILE, PROVENANCE_FILE, Results
-from studies.reporting.text import markdown_page, terminal_table
+from studies.reporting.text import markdown_page, print_table
 from studies.storage import TABLE_FILE, LabelStore, atomic_write
 from studies.storage.provenance import provenance
 
@@ -34,7 +34,7 @@ def write_tables(results: Results, console: Console) -> None:
         path.write_text(markdown_page(results.title, results.main_table), "utf-8")
     for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
         drawing.save(drawing.draw(chart), folder / f"{stem}.png")
-    console.print(terminal_table(results.title, results.main_table))
+    print_table(results.title, results.main_table, console)
 
 
 def write_origin(study: Study, trials: Sequence[Trial]) -> None:

@@ -11,7 +11,7 @@ import trimesh
 
 import heatwalk
 from heatwalk.cli import main
-from heatwalk.io.files import read_mesh, read_seg
+from heatwalk.io import read_mesh, read_seg
 from heatwalk.meshes import MeshError
 from tests.helpers.meshes import bundled_path
 

@@ -9,7 +9,7 @@ import trimesh
 
 import heatwalk
 from heatwalk.cli import main
-from heatwalk.io.files import label_colours, read_mesh, read_seg
+from heatwalk.io import label_colours, read_mesh, read_seg
 from tests.helpers.meshes import bundled_path
 
 ROOT = Path(heatwalk.__file__).parents[1]

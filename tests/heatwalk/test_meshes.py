@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.cluster.hierarchy import DisjointSet
 
-from heatwalk.io.files import read_mesh
+from heatwalk.io import read_mesh
 from heatwalk.meshes import check_mesh, inspect_mesh
 from tests.helpers.meshes import BUNDLED, bundled_path
 

@@ -6,12 +6,12 @@ import numpy as np
 import pymeshlab
 import pytest
 import trimesh
+from perturb.sampling import _folded
 from scipy.cluster.hierarchy import DisjointSet
 from scipy.spatial.distance import cdist
 from trimesh.graph import connected_components
 
 import perturb
-from perturb.sampling import _folded
 from tests.helpers.meshes import bundled
 
 BACKENDS = ["fast_simplification", "pymeshlab"]

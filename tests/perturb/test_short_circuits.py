@@ -6,14 +6,14 @@ import scipy.stats
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from perturb.places import near_but_far
+from perturb.topology import _Tubes
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 
 import perturb
 from perturb import PerturbationError
 from perturb.perturbation import edge_graph
-from perturb.places import near_but_far
-from perturb.topology import _Tubes
 from tests.helpers.meshes import bundled
 from tests.perturb.test_geometry import distances_along_edges
 

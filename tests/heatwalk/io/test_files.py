@@ -7,7 +7,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heatwalk.io.files import label_colours, read_mesh, read_seg, write_ply, write_seg
+from heatwalk.io import label_colours, read_mesh, read_seg, write_ply, write_seg
 from heatwalk.meshes import MeshError, check_mesh, inspect_mesh
 from tests.helpers.meshes import bundled_path
 

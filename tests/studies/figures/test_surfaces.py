@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 import perturb
-from heatwalk.io.files import label_colours
+from heatwalk.io import label_colours
 from studies.datasets.bundled import Bundled
 from studies.experiments.change import Reference, Variant
 from studies.figures import surfaces as render

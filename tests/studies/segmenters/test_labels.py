@@ -8,7 +8,7 @@ from tests.helpers.meshes import bundled
 
 @pytest.fixture(scope="module")
 def cow():
-    """Not quite symmetric: no two areas are the same."""
+    """Slightly asymmetric: no two areas are equal."""
     mesh = bundled("cow")
     return mesh.vertices + np.random.default_rng(0).normal(0, 1e-3, mesh.vertices.shape), np.asarray(mesh.faces)
 
@@ -33,30 +33,26 @@ def test_a_vertex_gets_the_label_of_most_of_the_area_around_it(cow):
     assert (labels_at_vertices(labels, *cow) == by_brute_force(labels, *cow)).all()
 
 
-def test_what_the_labels_are_called_does_not_matter(cow):
+def test_labels_may_be_any_numbers(cow):
     labels = np.random.default_rng(2).integers(0, 5, len(cow[1]))
     names = np.array([40, 3, 700, 0, 12])
     assert (labels_at_vertices(names[labels], *cow) == names[labels_at_vertices(labels, *cow)]).all()
 
 
-def test_equal_areas_give_the_smaller_label_and_no_faces_the_background():
+def test_a_tie_goes_to_the_smaller_label_and_a_vertex_without_faces_gets_the_background():
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [5, 5, 5]], dtype=float)
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     assert labels_at_vertices([8, 2], square, faces).tolist() == [2, 8, 2, 2, -1]
 
 
-def test_as_many_vertices_as_faces_must_be_told_apart():
+def test_with_as_many_vertices_as_faces_the_option_decides_what_the_labels_belong_to():
     corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     with pytest.raises(LabelError, match="specify what the labels belong to"):
         labels_at_vertices([0, 1, 2, 3], corner, faces)
     assert labels_at_vertices([0, 1, 2, 3], corner, faces, "vertices").tolist() == [0, 1, 2, 3]
-    assert labels_at_vertices([0, 1, 2, 3], corner, faces, "faces").tolist() == [
-        0,
-        3,
-        3,
-        3,
-    ]  # the face in front is largest
+    by_area = labels_at_vertices([0, 1, 2, 3], corner, faces, "faces")
+    assert by_area.tolist() == [0, 3, 3, 3]  # the last face is the largest
 
 
 @pytest.mark.parametrize(
@@ -69,6 +65,6 @@ def test_as_many_vertices_as_faces_must_be_told_apart():
         (np.full(2903, -2), "auto", "the label -2"),
     ],
 )
-def test_other_labels_are_refused(labels, labels_of, message, cow):
+def test_labels_of_another_number_shape_or_type_are_refused(labels, labels_of, message, cow):
     with pytest.raises(LabelError, match=message):
         labels_at_vertices(labels, *cow, labels_of)

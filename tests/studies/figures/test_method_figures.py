@@ -28,7 +28,7 @@ def test_the_settled_shares_are_those_counted_vertex_by_vertex_on_the_walk(segme
         while pointer[vertex] != vertex:
             vertex, steps = pointer[vertex], steps + 1
         settled.append(steps)
-    shares = plates.settled_shares(segmented.walk)
+    shares = segmented.walk.settled_shares()
     expected = [np.mean(np.array(settled) <= step) for step in range(max(settled) + 1)]
     np.testing.assert_array_equal(shares, expected)
     assert shares[-1] == 1
