@@ -149,7 +149,7 @@ def test_a_dataset_takes_one_file_in_a_folder_of_the_user(repository, tmp_path, 
 def test_a_kind_of_experiment_takes_one_folder(repository, tmp_path, follow):
     own = tmp_path / "own"
     own.mkdir()
-    (printed,) = follow("### A kind of experiment", own)
+    printed, _ = follow("### A kind of experiment", own)
     folder = own / "mine" / "renumbering" / "bundled"
     rows = rows_of(folder)
     assert rows.groupby("model")["seed"].nunique().to_dict() == {"ant": 2, "bunny": 2, "cow": 2}
