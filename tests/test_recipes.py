@@ -132,9 +132,7 @@ def test_a_metric_takes_one_file(repository, follow):
     assert ((rows["variation_of_information"] == 0) == (rows["change_percentage"] == 0)).all()
     table = pd.read_csv(folder / "table.csv")
     assert table["variation_of_information"].tolist() == pytest.approx(rows["variation_of_information"].tolist())
-    page = (folder / "table.md").read_text(encoding="utf-8")
-    assert "| VI |" in page
-    assert "VI: variation of information, in bits." in page
+    assert "| VI |" in (folder / "table.md").read_text(encoding="utf-8")
 
 
 def test_a_dataset_takes_one_file_in_a_folder_of_the_user(repository, tmp_path, follow):
