@@ -148,7 +148,7 @@ class Times(Experiment):
                 ]
         return trials
 
-    def _drawn(self, models: list[Model]) -> list[Model]:
+    def _drawn(self, models: Sequence[Model]) -> Sequence[Model]:
         if self.models_drawn is None or require_whole_number("models_drawn", self.models_drawn) >= len(models):
             return models
         drawn = np.random.default_rng(self.seed).choice(len(models), self.models_drawn, replace=False)
@@ -248,7 +248,7 @@ def _unchanged(rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str
             "unchanged": same["same"].mean(),
             "ci_low": ci_low,
             "ci_high": ci_high,
-            "within_one": 100.0 * (spread <= 1).mean(),
+            "within_one": 100.0 * float(np.mean(spread <= 1)),
             "n": len(same),
             "failures": failed,
         }

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import hydra.utils
 from hydra import compose
+from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, InstantiationException
 from omegaconf import DictConfig, OmegaConf
 
@@ -130,7 +131,7 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
 
 def study_names() -> list[str]:
     """The studies in conf/study and in further folders of the search path."""
-    loader = hydra.core.global_hydra.GlobalHydra.instance().config_loader()
+    loader = GlobalHydra.instance().config_loader()
     return loader.get_group_options("study")
 
 
@@ -198,7 +199,7 @@ def _options_of(name: Any) -> dict[str, Any]:
     try:
         cfg = compose(f"segmenter/{name}")
     except HydraException as error:
-        loader = hydra.core.global_hydra.GlobalHydra.instance().config_loader()
+        loader = GlobalHydra.instance().config_loader()
         known = ", ".join(loader.get_group_options("segmenter"))
         raise StudyError(
             f"segmenters contains {name!r}, which is neither one of {known} nor a dotted name such as my_package.method"

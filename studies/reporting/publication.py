@@ -76,7 +76,7 @@ class Publication:
             return table
         name = self._data["column"]
         frame = table.frame.copy()
-        values = [self._value(record, rows) for record in frame.to_dict("records")]
+        values = [self._value(record, rows) for record in table.records()]
         position = list(frame.columns).index(table.published_before) if table.published_before else len(frame.columns)
         frame.insert(position, name, values)
         shown = next((column for column in table.columns if column.name == table.value), Column(name=table.value))
@@ -109,7 +109,7 @@ class Publication:
         if "source" in table.frame:
             yield from self._claims_about_methods(table)
             return
-        for record in table.frame.to_dict("records") if table.name == "table" else ():
+        for record in table.records() if table.name == "table" else ():
             for entry in self._matching(record, rows):
                 if not _all_equal(record, entry.get("only", {})):
                     continue
@@ -129,7 +129,7 @@ class Publication:
 
     def _claims_about_methods(self, table: Table) -> Iterator[Claim]:
         methods = self._data["methods"]
-        for record in table.frame.to_dict("records"):
+        for record in table.records():
             published = methods["rows"].get(record["method"])
             if published is None or record["source"] == self._data["column"]:
                 continue
@@ -137,7 +137,9 @@ class Publication:
                 yield Claim(
                     methods["claim"].format(method=record["method"], metric=metric.replace("_", " ")),
                     _number(value),
-                    *(record[name] for name in (metric, f"{metric}_low", f"{metric}_high")),
+                    record[metric],
+                    record[f"{metric}_low"],
+                    record[f"{metric}_high"],
                     digits=methods["digits"],
                 )
 
