@@ -248,7 +248,7 @@ def _unchanged(rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str
             "unchanged": same["same"].mean(),
             "ci_low": ci_low,
             "ci_high": ci_high,
-            "within_one": 100.0 * float(np.mean(spread <= 1)),
+            "within_one": 100.0 * float((spread <= 1).to_numpy(dtype=float).mean()),
             "n": len(same),
             "failures": failed,
         }
