@@ -89,7 +89,7 @@ def option_names(arguments: Sequence[str]) -> list[str]:
             return [
                 f"{key}.{name}" if name else key
                 for key, node in ((str(key), node) for key, node in cfg.items_ex(resolve=False))
-                if key not in ("study", "paper", "experiment")
+                if key not in ("study", "experiment")
                 for name in (map(str, node) if isinstance(node, DictConfig) else [""])
                 if not name.startswith("_")
                 if not (name and OmegaConf.is_interpolation(node, name))  # it is an option elsewhere

@@ -9,6 +9,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from studies.columns import Column, Published, Table
+from studies.planning.errors import StudyError
 from studies.reporting.claims import Claim
 
 if TYPE_CHECKING:
@@ -31,10 +32,21 @@ class Publication:
 
     @classmethod
     def load(cls, name: str) -> Publication:
-        """The publication in conf/paper/NAME.yaml."""
+        """The publication in conf/paper/NAME.yaml.
+
+        Raises
+        ------
+        StudyError
+            if there is no such file
+        """
         import yaml
 
-        return cls(yaml.safe_load(resources.files("conf").joinpath("paper", f"{name}.yaml").read_text("utf-8")))
+        folder = resources.files("conf").joinpath("paper")
+        path = folder.joinpath(f"{name}.yaml")
+        if not path.is_file():
+            known = ", ".join(sorted(file.name.removesuffix(".yaml") for file in folder.iterdir()))
+            raise StudyError(f"publication is {name!r}: it must be null or one of {known}")
+        return cls(yaml.safe_load(path.read_text("utf-8")))
 
     @property
     def citation(self) -> str:
