@@ -53,7 +53,7 @@ def overhead(folder):
 
 
 def plan(folder):
-    """Seconds until the first trial of a large plan, and until the next one after a kill; memory of the head process."""
+    """Seconds until a large plan starts, and until it goes on after a kill; memory of the head process."""
     bundled("ant").export(folder / "ant.off")
     words = (*STUDY, *INSTANT, "dataset.glob=ant.off", f"repeats={PLANNED // 5}", "results_dir=plan")
     lines = []
