@@ -1,18 +1,57 @@
-"""Perturbations of triangle meshes: noise, holes, short circuits, decimation, scaling, missing parts.
+"""Perturbations of triangle meshes: noise, holes, short circuits, decimation, scaling, missing parts, tessellation.
 
-    perturbed = perturb.NormalNoise(amount=0.34, unit="mean_edge_length")(mesh, rng)
+Notes
+-----
+Each perturbation is one module of this package, ``perturb/<name>.py``. The modules are found when they are first
+needed: adding a file is enough for ``perturb.names()`` to list the perturbation and for ``perturb.<Class>`` to be the
+class. Modules whose name starts with an underscore, and `perturb.testing`, are not searched.
 
-takes a `trimesh.Trimesh` and a `numpy.random.Generator`, leaves the mesh as it is, and gives a `Perturbed`.
+Examples
+--------
+>>> import numpy as np
+>>> import perturb
+>>> import trimesh
+>>> sphere = trimesh.creation.icosphere()
+>>> perturbed = perturb.Holes(amount=58)(sphere, np.random.default_rng(1))
+>>> len(sphere.faces) - len(perturbed.mesh.faces)
+58
+>>> "holes" in perturb.names()
+True
 """
 
-from perturb.geometry import MissingParts, Scaling
-from perturb.noise import NormalNoise, ShotNoise
-from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed, get, names
-from perturb.sampling import Decimation
-from perturb.tessellation import Tessellation
-from perturb.topology import Holes, ShortCircuits
+from typing import TYPE_CHECKING
+
+from perturb.meshes import (
+    LENGTHS,
+    as_trimesh,
+    edge_graph,
+    moved,
+    random_direction,
+    vertex_normals,
+    without_faces,
+)
+from perturb.perturbation import (
+    Parameters,
+    Perturbation,
+    PerturbationError,
+    Perturbed,
+    get,
+    names,
+)
+from perturb.perturbation import shipped_classes as _shipped_classes
+
+if TYPE_CHECKING:
+    from perturb.decimation import Decimation
+    from perturb.holes import Holes
+    from perturb.missing_parts import MissingParts
+    from perturb.normal_noise import NormalNoise
+    from perturb.scaling import Scaling
+    from perturb.short_circuits import ShortCircuits
+    from perturb.shot_noise import ShotNoise
+    from perturb.tessellation import Tessellation
 
 __all__ = [
+    "LENGTHS",
     "Decimation",
     "Holes",
     "MissingParts",
@@ -25,6 +64,25 @@ __all__ = [
     "ShortCircuits",
     "ShotNoise",
     "Tessellation",
+    "as_trimesh",
+    "edge_graph",
     "get",
+    "moved",
     "names",
+    "random_direction",
+    "vertex_normals",
+    "without_faces",
 ]
+
+
+def __getattr__(name: str) -> type[Perturbation]:
+    """Return the perturbation class of that name from the modules of this package."""
+    # Python and its tools ask every module for names such as __wrapped__; no class is called that.
+    if not name.startswith("_") and name in (classes := _shipped_classes()):
+        globals()[name] = classes[name]
+        return classes[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_shipped_classes()})

@@ -1,186 +1,416 @@
-"""What a perturbation is, what it gives, and the registry of names."""
+"""The base class of perturbations, the result of a perturbation, and the registry of names."""
+
+from __future__ import annotations
 
 import dataclasses
 import math
+import pkgutil
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
-from numbers import Real
-from typing import Any, ClassVar
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import trimesh
-from scipy.sparse import coo_array
 
-from heatwalk.laplacian import vertex_components
-from heatwalk.numerics.triangles import areas
+from perturb.meshes import n_components, reason_unusable
 
-Parameters = dict[str, Any]  # what `sample` drew: arrays and numbers that `apply` turns into a mesh
+if TYPE_CHECKING:
+    import trimesh
 
-LENGTHS: dict[str, Callable[[trimesh.Trimesh], float]] = {
-    "mean_edge_length": lambda mesh: float(mesh.edges_unique_length.mean()),
-    "bounding_box_diagonal": lambda mesh: float(np.linalg.norm(mesh.extents)),
-}
-"""Name of a unit -> its length on a mesh, in the mesh's own units."""
+Parameters = dict[str, Any]
+"""What `Perturbation.sample` draws: arrays and numbers from which `Perturbation.apply` makes the mesh."""
 
-_REGISTRY: dict[str, type["Perturbation"]] = {}
+Scalar = str | int | float | bool | None
+"""A value in `Perturbed.applied`."""
+
+_REGISTRY: dict[str, type[Perturbation]] = {}
+
+_NOT_SEARCHED = ("testing",)  # modules of the package that contain no perturbations for users
 
 
 class PerturbationError(ValueError):
-    """A perturbation that cannot be built, cannot be applied to this mesh, or leaves nothing usable of it."""
+    """A perturbation cannot be built, cannot be applied to this mesh, or would leave nothing usable of it."""
 
 
 @dataclass(frozen=True)
 class Perturbed:
-    """A perturbed mesh, and how it hangs together with the original.
+    """A perturbed mesh and its relation to the original.
 
-    mesh : trimesh.Trimesh, built with process=False.
-    counterpart : (n_original,) int64, for each original vertex its counterpart in `mesh`, -1 if it is gone.
-    applied : what was really done; plain Python scalars, strings and None only, so it can be written as JSON.
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The perturbed mesh, built with ``process=False``.
+    counterpart : (n_original,) int64 array
+        For each original vertex the index of its counterpart in `mesh`, -1 if it has none.
+    applied : dict
+        What was actually done: plain Python scalars, strings and None only, so that it can be written as JSON.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import perturb
+    >>> import trimesh
+    >>> perturbed = perturb.Holes(amount=1)(trimesh.creation.box(), np.random.default_rng(0))
+    >>> perturbed.applied["faces_before"], perturbed.applied["faces_after"]
+    (12, 11)
+    >>> perturbed.counterpart.tolist()
+    [0, 1, 2, 3, 4, 5, 6, 7]
     """
 
     mesh: trimesh.Trimesh
     counterpart: np.ndarray
-    applied: dict[str, str | int | float | bool | None]
+    applied: dict[str, Scalar]
 
 
 @dataclass(frozen=True)
 class Perturbation(ABC):
-    """A way to spoil a mesh: a function (mesh, rng) -> Perturbed that leaves its input as it is.
+    """Base class of perturbations: functions (mesh, rng) → `Perturbed` that leave their input unchanged.
 
-    Drawing the random parameters (`sample`) and using them (`apply`) are apart: parameters that were drawn
-    once can be applied again, and give the same result.
+    Drawing the random parameters (`sample`) is separate from using them (`apply`): parameters that were drawn once can
+    be applied again and yield the same result.
 
-    amount : how much, in `unit`; at `neutral` the perturbation is the identity.
-    unit : what `amount` counts, one of `choices["unit"]`.
+    Parameters
+    ----------
+    amount : float
+        How much, in `unit`. At `neutral` the perturbation is the identity.
+    unit : str
+        What `amount` measures, one of ``choices["unit"]``.
 
-    Raises PerturbationError (a ValueError) for a field that is out of range, when it is built; and for an
-    amount that this mesh does not allow, an unusable input or an unusable result, when it is called.
+    Attributes
+    ----------
+    name : str
+        Class variable; the name under which the class is registered. A class that inherits its name is not registered.
+    choices : dict of str to tuple of str
+        Class variable; for each field with a fixed set of valid values, these values. ``choices["unit"]`` is required.
+    version : int
+        Class variable; to be increased whenever a seed yields another result, so that stored results are not reused.
+    neutral : float
+        Class variable; the amount at which the perturbation is the identity.
+
+    Raises
+    ------
+    PerturbationError
+        When built, for a field that is out of range. When called, for an amount that the mesh does not allow, for an
+        unusable mesh, and for an unusable result.
+
+    See Also
+    --------
+    perturb.testing.check_perturbation : Checks a new perturbation against everything that is required of one.
+
+    Notes
+    -----
+    A new perturbation is a frozen dataclass with a name, valid units and `apply`::
+
+        @dataclass(frozen=True)
+        class Stretch(perturb.Perturbation):
+            amount: float = 0.1
+            unit: str = "factor"
+
+            name: ClassVar[str] = "stretch"
+            choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("factor",)}
+
+            def apply(self, mesh, parameters):
+                return self.finish(mesh, *perturb.moved(mesh, mesh.vertices * [self.amount, 0, 0]))
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import perturb
+    >>> import trimesh
+    >>> sphere = trimesh.creation.icosphere()
+    >>> noise = perturb.NormalNoise(amount=0.2)
+    >>> parameters = noise.sample(sphere, np.random.default_rng(7))
+    >>> once, again = noise.apply(sphere, parameters), noise(sphere, np.random.default_rng(7))
+    >>> bool((once.mesh.vertices == again.mesh.vertices).all())
+    True
     """
 
     amount: float
     unit: str
 
     name: ClassVar[str]
-    version: ClassVar[int] = 1  # raised where a seed gives another result, so that stored ones are not taken for it
-    neutral: ClassVar[float] = 0.0
     choices: ClassVar[dict[str, tuple[str, ...]]]
+    version: ClassVar[int] = 1
+    neutral: ClassVar[float] = 0.0
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        _REGISTRY[cls.name] = cls
+        if "name" in cls.__dict__:
+            _register(cls)
 
     def __post_init__(self) -> None:
+        for class_variable in ("name", "choices"):
+            if not hasattr(self, class_variable):
+                raise PerturbationError(f"the class {type(self).__qualname__} does not define {class_variable!r}")
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if isinstance(value, np.generic):  # `applied` holds plain Python scalars
+            if isinstance(value, np.generic):  # `applied` contains plain Python scalars
                 object.__setattr__(self, field.name, value.item())
         for field_name, valid in self.choices.items():
             value = getattr(self, field_name)
             if value not in valid:
                 raise PerturbationError(f"{self.name}: {field_name} is {value!r}; choose one of {', '.join(valid)}")
-        self._check_number("amount")
+        self.check_number("amount")
 
     def __call__(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Perturbed:
-        """Draw parameters from `rng` and apply them to `mesh`, which is not changed."""
-        _check_usable(mesh, f"{self.name}: the mesh handed in")
+        """Perturb a mesh at random.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh
+            Left unchanged.
+        rng : numpy.random.Generator
+            The only source of randomness.
+
+        Returns
+        -------
+        Perturbed
+
+        Raises
+        ------
+        PerturbationError
+            For an unusable mesh, an amount that the mesh does not allow, and an unusable result.
+        """
+        _check_usable(mesh, f"{self.name}: the input mesh")
         return self.apply(mesh, self.sample(mesh, rng))
 
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
-        """Draw the random parameters; empty for a perturbation that leaves nothing to chance."""
+        """Draw the random parameters.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh
+            The mesh to which the parameters will be applied. Left unchanged.
+        rng : numpy.random.Generator
+            The only source of randomness.
+
+        Returns
+        -------
+        dict
+            Arrays and numbers by name; empty for a deterministic perturbation.
+
+        Raises
+        ------
+        PerturbationError
+            If the mesh does not allow the amount.
+        """
         return {}
 
     @abstractmethod
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
-        """Perturb `mesh` with parameters that `sample` drew for it."""
+        """Perturb a mesh with given parameters. Nothing is random here.
 
-    def _check_number(self, field: str, *, most: float = math.inf, positive: bool = False, whole: bool = False) -> None:
-        """Raise PerturbationError unless the field is a finite number, 0 <= number <= most."""
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh
+            Left unchanged.
+        parameters : dict
+            What `sample` returned for this mesh. Left unchanged.
+
+        Returns
+        -------
+        Perturbed
+            Made by `finish`.
+
+        Raises
+        ------
+        PerturbationError
+            If the mesh does not allow the amount, or the result is unusable.
+        """
+
+    def check_number(
+        self, field: str, *, maximum: float = math.inf, positive: bool = False, whole: bool = False
+    ) -> None:
+        """Check that a field is a finite number of at least 0. To be called in ``__post_init__``.
+
+        ``amount`` is always checked; call this for further numeric fields, or if ``amount`` is limited further.
+
+        Parameters
+        ----------
+        field : str
+            Name of the field.
+        maximum : float, optional
+            The largest valid value.
+        positive : bool, optional
+            Whether 0 is refused.
+        whole : bool, optional
+            Whether only whole numbers are valid.
+
+        Raises
+        ------
+        PerturbationError
+            If the value is out of range.
+
+        Examples
+        --------
+        >>> import perturb
+        >>> perturb.Holes(amount=2.5)
+        Traceback (most recent call last):
+        perturb.perturbation.PerturbationError: holes: amount is 2.5; it must be a whole number
+        """
         value = getattr(self, field)
-        if not isinstance(value, Real) or not math.isfinite(value) or value < 0 or value > most:
-            upper = "" if math.isinf(most) else f" and at most {most:g}"
+        if not isinstance(value, int | float) or not math.isfinite(value) or value < 0 or value > maximum:
+            upper = "" if math.isinf(maximum) else f" and at most {maximum:g}"
             raise PerturbationError(f"{self.name}: {field} is {value!r}; it must be a number of at least 0{upper}")
         if positive and value == 0:
             raise PerturbationError(f"{self.name}: {field} is {value!r}; it must be above 0")
         if whole and value != int(value):
             raise PerturbationError(f"{self.name}: {field} is {value!r}; it must be a whole number")
 
-    def _finish(
-        self, original: trimesh.Trimesh, mesh: trimesh.Trimesh, counterpart: np.ndarray, **facts: Any
+    def finish(
+        self, original: trimesh.Trimesh, mesh: trimesh.Trimesh, counterpart: np.ndarray, **facts: Scalar | np.generic
     ) -> Perturbed:
-        """Check the result and say in `applied` what was asked for, what changed, and the given facts."""
+        """Check a perturbed mesh and record what was done. To be called at the end of `apply`.
+
+        Parameters
+        ----------
+        original : trimesh.Trimesh
+            The mesh before.
+        mesh : trimesh.Trimesh
+            The mesh after, which shares no memory with `original`; see `perturb.as_trimesh`.
+        counterpart : (n_original,) int array
+            For each original vertex the index of its counterpart in `mesh`, -1 if it has none. No two vertices have
+            the same counterpart unless ``counterpart_by`` is among the facts.
+        **facts : str, int, float, bool or None
+            What else `Perturbed.applied` is to contain. ``counterpart_by`` specifies how counterparts were found if
+            they do not follow from the perturbation itself, for example "nearest_vertex".
+
+        Returns
+        -------
+        Perturbed
+            With, in `applied`: the name, all fields, the facts, and the numbers of vertices, faces and connected
+            components before and after.
+
+        Raises
+        ------
+        PerturbationError
+            If the resulting mesh is unusable: it has no faces, fewer than 4 vertices, only degenerate triangles, or
+            coordinates that are not finite.
+        ValueError
+            If `counterpart` does not fit the meshes: a mistake in `apply`, not in the mesh.
+        """
         _check_usable(mesh, f"{self.name}, {self.amount:g} {self.unit}: the result")
+        _check_counterpart(counterpart, len(original.vertices), len(mesh.vertices), self.name)
         applied = {
             "name": self.name,
             **dataclasses.asdict(self),
-            **facts,
+            **{key: value.item() if isinstance(value, np.generic) else value for key, value in facts.items()},
             "vertices_before": len(original.vertices),
             "vertices_after": len(mesh.vertices),
             "faces_before": len(original.faces),
             "faces_after": len(mesh.faces),
-            "components_before": _component_count(original),
-            "components_after": _component_count(mesh),
+            "components_before": n_components(original),
+            "components_after": n_components(mesh),
         }
         return Perturbed(mesh, counterpart.astype(np.int64, copy=False), applied)
 
 
 def names() -> list[str]:
-    """Names of all registered perturbations, sorted."""
-    return sorted(_REGISTRY)
+    """List the names of all registered perturbations, sorted.
+
+    Returns
+    -------
+    list of str
+        Names of the perturbations in this package, and of all others that have been imported.
+
+    Examples
+    --------
+    >>> import perturb
+    >>> "holes" in perturb.names()
+    True
+    """
+    return sorted(_registered())
 
 
 def get(name: str) -> type[Perturbation]:
-    """The perturbation of that name; PerturbationError, with the names there are, if there is none."""
-    if name not in _REGISTRY:
-        raise PerturbationError(f"no perturbation is called {name!r}; there are {', '.join(names())}")
-    return _REGISTRY[name]
+    """Look up a perturbation by its name.
 
+    Parameters
+    ----------
+    name : str
+        One of `names()`.
 
-def moved(mesh: trimesh.Trimesh, displacement: np.ndarray) -> tuple[trimesh.Trimesh, np.ndarray]:
-    """The mesh with its vertices displaced by (n, 3) vectors, and the counterpart of every vertex: itself."""
-    vertices = np.asarray(mesh.vertices) + displacement
-    return trimesh.Trimesh(vertices, mesh.faces.copy(), process=False), np.arange(len(vertices))
+    Returns
+    -------
+    type
+        The class, a subclass of `Perturbation`.
 
+    Raises
+    ------
+    PerturbationError
+        For an unknown name; the message lists the registered ones.
 
-def without_faces(mesh: trimesh.Trimesh, dropped: np.ndarray) -> tuple[trimesh.Trimesh, np.ndarray]:
-    """The mesh without the faces marked in `dropped` (m,) bool, and (n,) the counterpart of every vertex.
-
-    A vertex that loses its last face goes too. One that had none before stays: cleaning is not perturbing.
+    Examples
+    --------
+    >>> import perturb
+    >>> perturb.get("holes") is perturb.Holes
+    True
     """
-    faces = np.asarray(mesh.faces)
-    lost = np.zeros(len(mesh.vertices), dtype=bool)
-    lost[faces[dropped]] = True
-    lost[faces[~dropped]] = False
-    counterpart = np.where(lost, -1, np.cumsum(~lost) - 1)
-    rest = trimesh.Trimesh(np.asarray(mesh.vertices)[~lost], counterpart[faces[~dropped]], process=False)
-    return rest, counterpart
+    registered = _registered()
+    if name not in registered:
+        raise PerturbationError(f"unknown perturbation {name!r}; choose one of {', '.join(sorted(registered))}")
+    return registered[name]
 
 
-def edge_graph(mesh: trimesh.Trimesh) -> coo_array:
-    """(n, n) symmetric matrix of edge lengths; distances along edges overestimate those on the surface."""
-    n = len(mesh.vertices)
-    start, end = mesh.edges_unique.T
-    length = np.tile(mesh.edges_unique_length, 2)
-    return coo_array((length, (np.r_[start, end], np.r_[end, start])), shape=(n, n))
+def shipped_classes() -> dict[str, type[Perturbation]]:
+    """Import every public module of this package and return the perturbations defined there, by class name."""
+    import perturb
+
+    classes = {}
+    for module_name in sorted(found.name for found in pkgutil.iter_modules(perturb.__path__)):
+        if module_name.startswith("_") or module_name in _NOT_SEARCHED:
+            continue
+        module = import_module(f"perturb.{module_name}")
+        for value in list(vars(module).values()):
+            defined_here = isinstance(value, type) and value.__module__ == module.__name__
+            if defined_here and issubclass(value, Perturbation) and value is not Perturbation:
+                classes[value.__name__] = value
+    return classes
 
 
-def _component_count(mesh: trimesh.Trimesh) -> int:
-    """Connected components, through shared vertices; vertices without faces are not counted."""
-    faces = np.asarray(mesh.faces)
-    return int(np.count_nonzero(np.bincount(vertex_components(len(mesh.vertices), faces)[faces[:, 0]])))
+def _registered() -> dict[str, type[Perturbation]]:
+    """Return all perturbations by name, after importing those of this package."""
+    for cls in shipped_classes().values():
+        if "name" in cls.__dict__:
+            _REGISTRY.setdefault(cls.name, cls)
+    return _REGISTRY
+
+
+def _register(cls: type[Perturbation]) -> None:
+    """Register a class under its name, which no other class may have."""
+    known = _REGISTRY.get(cls.name)
+    if known is not None and not _same_definition(known, cls):
+        raise PerturbationError(
+            f"{_full_name(cls)} cannot have the name {cls.name!r}: it belongs to {_full_name(known)}; choose another"
+        )
+    _REGISTRY[cls.name] = cls
+
+
+def _same_definition(first: type, second: type) -> bool:
+    """Return whether two classes are one that was defined twice: reloaded, or imported while also run as a script."""
+    same_module = first.__module__ == second.__module__ or "__main__" in (first.__module__, second.__module__)
+    return same_module and first.__qualname__ == second.__qualname__
+
+
+def _full_name(cls: type) -> str:
+    return f"{cls.__module__}.{cls.__qualname__}"
 
 
 def _check_usable(mesh: trimesh.Trimesh, what: str) -> None:
-    """Raise PerturbationError for a mesh that nothing can be done with."""
-    counts = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} faces"
-    if len(mesh.faces) == 0:
-        raise PerturbationError(f"{what} has no face ({counts})")
-    if len(mesh.vertices) < 4:
-        raise PerturbationError(f"{what} has fewer than 4 vertices ({counts})")
-    if not np.isfinite(mesh.vertices).all():
-        raise PerturbationError(f"{what} has coordinates that are not finite ({counts})")
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    size = max(np.ptp(coordinate[faces]) for coordinate in vertices.T)
-    # Relative to the size: an area of 1e-60 is not degenerate on a mesh of 1e-30.
-    if size == 0 or areas(vertices / size, faces).max() < np.finfo(float).eps:
-        raise PerturbationError(f"{what} has only degenerate triangles ({counts})")
+    """Raise PerturbationError if a mesh can be neither perturbed nor segmented."""
+    if reason := reason_unusable(mesh):
+        raise PerturbationError(f"{what} {reason}")
+
+
+def _check_counterpart(counterpart: np.ndarray, n_before: int, n_after: int, name: str) -> None:
+    """Raise ValueError unless counterpart has shape (n_before,) and values in -1 … n_after-1."""
+    if counterpart.shape != (n_before,) or counterpart.dtype.kind not in "iu":
+        raise ValueError(
+            f"{name}: counterpart is an array of shape {counterpart.shape} and type {counterpart.dtype}; "
+            f"expected shape ({n_before},) and integers, one per original vertex"
+        )
+    if counterpart.min() < -1 or counterpart.max() >= n_after:
+        raise ValueError(
+            f"{name}: counterpart has values from {counterpart.min()} to {counterpart.max()}; "
+            f"they must be indices of the {n_after} vertices of the result, or -1"
+        )

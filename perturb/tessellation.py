@@ -1,41 +1,68 @@
-"""Other triangles for the same surface, at any density."""
+"""Tessellation: other triangles for the same surface, at any density."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import pymeshlab
-import trimesh
-from scipy.optimize import brentq
 
+from perturb.meshes import as_trimesh, random_direction
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 @dataclass(frozen=True)
 class Tessellation(Perturbation):
-    """The surface is covered by other triangles, more or fewer.
+    """Replace the triangles of the surface by others, more or fewer.
 
-    amount : the number of faces over that before, above 0. 1 is another tessellation of the same density;
-        0, the neutral amount, leaves the mesh as it is.
-    method : isotropic, triangles nearly equilateral and of one size; subdivision, each triangle cut into four at
-        the midpoints of its edges, as often as needed: amount is 4, 16, 64 …; anisotropic, triangles longer by
-        `stretch` in one direction, which is random; irregular, triangles nearly equilateral whose size grows
-        by `grading` from one extremity of the shape, in a random direction, to what is farthest from there.
-    stretch : of anisotropic triangles, the length along the direction over that across, above 1; what is aimed
-        at, of which kept edges and curvature take up to a half. A place that faces the direction shows none.
-    grading : of irregular triangles, the longest edges over the shortest, above 1.
+    Parameters
+    ----------
+    amount : float
+        The ratio of the number of faces to that before. 1 is another tessellation of the same density; 0, the neutral
+        amount, leaves the mesh unchanged.
+    unit : str
+        "ratio_of_faces".
+    method : str
+        "isotropic": nearly equilateral triangles of uniform size. "subdivision": each triangle is divided into four at
+        the midpoints of its edges, as often as needed; amount must be 4, 16, 64 … "anisotropic": triangles longer by
+        `stretch` in one random direction. "irregular": nearly equilateral triangles whose size grows by `grading` from
+        an extremity of the shape in a random direction to what is farthest from there.
+    stretch : float
+        For anisotropic triangles, the ratio of the length along the direction to that across, above 1. This is the
+        target; preserved edges and curvature reduce it by up to a half. Where the surface is perpendicular to the
+        direction, triangles are not elongated.
+    grading : float
+        For irregular triangles, the ratio of the longest edges to the shortest, above 1.
 
-    Isotropic remeshing splits, collapses and flips edges, which keeps the topology, and shifts vertices along
-    the surface (Botsch and Kobbelt 2004, doi:10.1145/1057432.1057457; pymeshlab's). The others are isotropic in
-    a warped space: pressed together along the direction, or inverted in a sphere, which keeps angles and changes
-    sizes. All new vertices lie on the original surface. The length of the edges is searched for, up to TRIES
-    times, until the number of faces is met within TOLERANCE; `applied` holds the ratio reached. Edges sharper
-    than SHARP degrees are kept, and so a coarse tessellation of a shape with many may be out of reach:
-    PerturbationError with what was reached.
+    Notes
+    -----
+    Isotropic remeshing (pymeshlab's) splits, collapses and flips edges, which preserves the topology, and shifts
+    vertices along the surface. The other two methods are isotropic in a warped space: compressed along the direction,
+    or inverted in a sphere, which preserves angles and changes sizes. All new vertices are on the original surface.
+    The edge length is searched for in up to MAX_TRIES tries, until the number of faces is met within TOLERANCE;
+    `Perturbed.applied` contains the ratio that was reached. Edges sharper than SHARP_ANGLE degrees are preserved, so a
+    coarse tessellation of a shape with many of them may be impossible: a PerturbationError reports what was reached.
 
-    A vertex's counterpart is, of the triangle with the point closest to it, the nearest corner. A vertex without
-    faces is gone, except by subdivision.
-    Source: paper section 6.6, Figure 13, which does not say how the tessellations were made.
+    The counterpart of a vertex is the nearest corner of the triangle closest to it. A vertex without faces is removed,
+    except by subdivision.
+
+    References
+    ----------
+    Paper, section 6.6 and Figure 13, which do not specify how the tessellations were made. Isotropic remeshing: Botsch
+    and Kobbelt 2004, doi:10.1145/1057432.1057457.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import perturb
+    >>> import trimesh
+    >>> sphere = trimesh.creation.icosphere()
+    >>> fine = perturb.Tessellation(amount=4, method="subdivision")(sphere, np.random.default_rng(0))
+    >>> len(sphere.faces), len(fine.mesh.faces)
+    (1280, 5120)
     """
 
     amount: float = 1.0
@@ -51,110 +78,129 @@ class Tessellation(Perturbation):
     }
 
     TOLERANCE: ClassVar[float] = 0.05  # of the number of faces
-    TRIES: ClassVar[int] = 8
-    SHARP: ClassVar[float] = 45.0  # degrees between the normals of two faces
+    MAX_TRIES: ClassVar[int] = 8
+    SHARP_ANGLE: ClassVar[float] = 45.0  # degrees between the normals of two faces
     ITERATIONS: ClassVar[int] = 3
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for field in ("stretch", "grading"):
-            self._check_number(field)
+            self.check_number(field)
             if getattr(self, field) <= 1:
                 raise PerturbationError(f"tessellation: {field} is {getattr(self, field):g}; it must be above 1")
         if self.method == "subdivision" and self.amount not in (0.0, *4.0 ** np.arange(16)):
             raise PerturbationError(
-                f"tessellation: amount is {self.amount:g}, and subdivision makes 4, 16, 64 … times the faces; "
-                "give one of these, or method=isotropic for what is between"
+                f"tessellation: amount is {self.amount:g}, but subdivision makes 4, 16, 64 … times the faces; "
+                "choose one of these, or method=isotropic for other amounts"
             )
 
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
-        """`direction` (3,): a unit vector; for the isotropic methods nothing."""
-        if self.method in ("isotropic", "subdivision"):
-            return {}
-        direction = rng.standard_normal(3)
-        return {"direction": direction / np.linalg.norm(direction)}
+        """Draw `direction` (3,), a unit vector; nothing for the isotropic methods."""
+        return {} if self.method in ("isotropic", "subdivision") else {"direction": random_direction(rng)}
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
-        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
         if self.amount == 0 or self.method == "subdivision":
-            new = vertices.copy(), faces.copy()
-            for _ in range(round(np.log2(self.amount) / 2) if self.amount else 0):
-                new = trimesh.remesh.subdivide(*new)
-            result = trimesh.Trimesh(*new, process=False)
-            counterpart = np.arange(len(vertices))
+            result, counterpart = self._subdivide(mesh), np.arange(len(mesh.vertices))
         else:
-            # In a box of size 1, so that what follows does not depend on the mesh's own units.
-            corner, size = mesh.bounds[0], mesh.extents.max()
-            unit = (vertices - corner) / size
-            new_vertices, new_faces = self._remeshed(unit, faces, parameters)
-            counterpart = np.full(len(vertices), -1)
-            used = np.unique(faces)
-            counterpart[used] = _nearest_corners(new_vertices, new_faces, unit[used])
-            result = trimesh.Trimesh(new_vertices * size + corner, new_faces, process=False)
-        return self._finish(
+            result, counterpart = self._remesh(mesh, parameters)
+        return self.finish(
             mesh,
             result,
             counterpart,
-            ratio_of_faces_reached=len(result.faces) / len(faces),
+            ratio_of_faces_reached=len(result.faces) / len(mesh.faces),
             counterpart_by="closest_point",
         )
 
-    def _remeshed(
+    def _subdivide(self, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+        """Divide each triangle into four until there are `amount` times as many; unchanged for an amount of 0."""
+        from trimesh.remesh import subdivide
+
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        for _ in range(round(np.log2(self.amount) / 2) if self.amount else 0):
+            vertices, faces = subdivide(vertices, faces)
+        return as_trimesh(vertices, faces)
+
+    def _remesh(self, mesh: trimesh.Trimesh, parameters: Parameters) -> tuple[trimesh.Trimesh, np.ndarray]:
+        """Return the remeshed surface and (n,) the counterpart of each vertex."""
+        faces = np.asarray(mesh.faces)
+        # In a box of size 1, so that the result does not depend on the mesh's own unit.
+        corner, size = mesh.bounds[0], mesh.extents.max()
+        vertices = (np.asarray(mesh.vertices) - corner) / size
+        new_vertices, new_faces = self._search_density(vertices, faces, parameters)
+        used = np.unique(faces)
+        counterpart = np.full(len(vertices), -1)
+        counterpart[used] = _nearest_corners(new_vertices, new_faces, vertices[used])
+        return as_trimesh(new_vertices * size + corner, new_faces), counterpart
+
+    def _search_density(
         self, vertices: np.ndarray, faces: np.ndarray, parameters: Parameters
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices on the surface, and faces, as many as asked for within TOLERANCE."""
-        warped = self._warped(vertices, np.unique(faces), parameters)
-        wanted = self.amount * len(faces)
-        area = trimesh.triangles.area(warped[faces]).sum()
-        length = np.sqrt(area / wanted * 4 / np.sqrt(3))  # of equilateral triangles
-        for _ in range(self.TRIES):
-            new_vertices, new_faces = self._isotropic(warped, faces, length)
-            ratio = len(new_faces) / wanted
+        """Return vertices on the surface and faces, as many as requested within TOLERANCE."""
+        from trimesh.triangles import area
+
+        warped = self._warp(vertices, np.unique(faces), parameters)
+        n_target = self.amount * len(faces)
+        length = np.sqrt(area(warped[faces]).sum() / n_target * 4 / np.sqrt(3))  # of equilateral triangles
+        for _ in range(self.MAX_TRIES):
+            new_vertices, new_faces = self._remesh_isotropically(warped, faces, length)
+            ratio = len(new_faces) / n_target
             if abs(ratio - 1) <= self.TOLERANCE:
                 break
             length *= np.sqrt(ratio)
         else:
             raise PerturbationError(
-                f"tessellation: {self.amount:g} times the faces are asked for and {ratio * self.amount:.3g} times "
-                f"reached, keeping edges sharper than {self.SHARP:g} degrees; ask for more"
+                f"tessellation: {self.amount:g} times the faces were requested, but {ratio * self.amount:.3g} times "
+                f"reached, preserving edges sharper than {self.SHARP_ANGLE:g} degrees; choose a larger amount"
             )
-        triangle, weights = _closest(warped, faces, new_vertices)
+        triangle, weights = _closest_points(warped, faces, new_vertices)
         return np.einsum("ij,ijk->ik", weights, vertices[faces[triangle]]), new_faces
 
-    def _warped(self, vertices: np.ndarray, used: np.ndarray, parameters: Parameters) -> np.ndarray:
-        """(n, 3) the vertices in the space in which triangles are to be equilateral and of one size."""
+    def _warp(self, vertices: np.ndarray, used: np.ndarray, parameters: Parameters) -> np.ndarray:
+        """(n, 3) the vertices in the space in which triangles are to be equilateral and of uniform size."""
         if self.method == "isotropic":
             return vertices
         direction = parameters["direction"]
-        height = vertices @ direction
         if self.method == "anisotropic":
-            return vertices + (1 / self.stretch - 1) * height[:, None] * direction
-        # Inverted about a point at some distance above the highest vertex, where lengths shrink with the square of
-        # the distance.
+            return vertices + (1 / self.stretch - 1) * (vertices @ direction)[:, None] * direction
+        return self._invert(vertices, used, direction)
+
+    def _invert(self, vertices: np.ndarray, used: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """(n, 3) the vertices inverted in a sphere whose centre is at some distance above the highest used vertex.
+
+        Lengths shrink with the square of the distance from the centre, which is chosen so that the longest edges are
+        `grading` times the shortest.
+        """
+        from scipy.optimize import brentq
+
+        height = vertices @ direction
         top = vertices[used[height[used].argmax()]]
 
-        def excess(log_distance: float) -> float:
+        def excess_grading(log_distance: float) -> float:
             nearest = np.exp(log_distance)
             farthest = np.linalg.norm(vertices[used] - top - nearest * direction, axis=1).max()
             return (farthest / nearest) ** 2 - self.grading
 
-        nearest = np.exp(brentq(excess, -20, 20))
+        nearest = np.exp(brentq(excess_grading, -20, 20))
         centre = top + nearest * direction
         offset = vertices - centre
         return centre + offset * nearest**2 / np.sum(offset**2, axis=1, keepdims=True)
 
-    def _isotropic(self, vertices: np.ndarray, faces: np.ndarray, length: float) -> tuple[np.ndarray, np.ndarray]:
-        """Remeshed with edges of about that length."""
+    def _remesh_isotropically(
+        self, vertices: np.ndarray, faces: np.ndarray, length: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return vertices and faces of a mesh with edges of about that length."""
+        import pymeshlab
+
         meshes = pymeshlab.MeshSet()
         meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
         meshes.meshing_remove_unreferenced_vertices()
-        # Every option is given: pymeshlab remembers what an earlier call was given.
+        # Every option is given, because pymeshlab remembers those of an earlier call.
         meshes.meshing_isotropic_explicit_remeshing(
             iterations=self.ITERATIONS,
             adaptive=False,
             selectedonly=False,
             targetlen=pymeshlab.PureValue(length),
-            featuredeg=self.SHARP,
+            featuredeg=self.SHARP_ANGLE,
             checksurfdist=True,
             maxsurfdist=pymeshlab.PureValue(length / 4),
             splitflag=True,
@@ -167,11 +213,14 @@ class Tessellation(Perturbation):
         return remeshed.vertex_matrix(), remeshed.face_matrix().astype(np.int64)
 
 
-def _closest(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _closest_points(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(k,) the triangle closest to each of (k, 3) points, and (k, 3) barycentric coordinates of the closest point."""
+    import pymeshlab
+
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
     meshes.add_mesh(pymeshlab.Mesh(points))
+    # Every option is given, because pymeshlab remembers those of an earlier call.
     meshes.transfer_attributes_per_vertex(
         sourcemesh=0,
         targetmesh=1,
@@ -192,7 +241,7 @@ def _closest(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tup
 
 
 def _nearest_corners(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(k,) the vertex nearest to each of (k, 3) points, of the triangle that is closest to it."""
-    corners = faces[_closest(vertices, faces, points)[0]]
+    """(k,) for each of (k, 3) points the nearest corner of the triangle closest to it."""
+    corners = faces[_closest_points(vertices, faces, points)[0]]
     distance = np.linalg.norm(vertices[corners] - points[:, None], axis=2)
     return np.take_along_axis(corners, distance.argmin(axis=1)[:, None], axis=1)[:, 0]

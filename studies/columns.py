@@ -135,6 +135,8 @@ class Table:
         sentences that explain the table, beside the help of its columns
     value : str
         name of the column that published values are compared with, "" where there are none
+    published_before : str
+        name of the column that published values come before in ``frame``, "" for the end
     published : Published, optional
         set by `studies.reporting` where published values stand beside the computed ones
     """
@@ -144,6 +146,7 @@ class Table:
     columns: Sequence[Column] = field(default=())
     notes: str = ""
     value: str = ""
+    published_before: str = ""
     published: Published | None = None
 
     def visible(self, *, compact: bool = False) -> list[Column]:
@@ -155,8 +158,11 @@ class Table:
     def cells(self, *, compact: bool = False) -> list[list[str]]:
         """The table as text, a list of cells for each row, in the order of `visible`."""
         columns = self.visible(compact=compact)
-        rows = self.frame.to_dict("records")
-        return [[column.text(row, compact=compact) for column in columns] for row in rows]
+        return [[column.text(row, compact=compact) for column in columns] for row in self.records()]
+
+    def records(self) -> list[dict[str, Any]]:
+        """The rows of the frame as dicts."""
+        return self.frame.to_dict("records")  # type: ignore[return-value]  # names of columns are str
 
     def replace(self, **changes: Any) -> Table:
         """A copy with other values of the given fields."""

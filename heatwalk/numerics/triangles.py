@@ -1,12 +1,15 @@
-"""Loops over the triangles of a mesh: sizes, couplings, connected components."""
+"""Loops over the triangles of a mesh: areas, edge lengths, operator entries, connected components."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from heatwalk.numerics.compilation import compiled
 
+Vector = tuple[float, float, float]
+
 
 @compiled
-def areas(vertices, faces):
+def areas(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
     """Area of each face: (m,) float array."""
     area = np.empty(len(faces))
     for f in range(len(faces)):
@@ -16,7 +19,7 @@ def areas(vertices, faces):
 
 
 @compiled
-def squared_lengths(vertices, faces):
+def squared_edge_lengths(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
     """Squared lengths of the edges opposite the corners of each face: (3, m) float array."""
     squares = np.empty((3, len(faces)))
     for f in range(len(faces)):
@@ -27,45 +30,47 @@ def squared_lengths(vertices, faces):
 
 
 @compiled
-def couplings(vertices, faces, flattest):
-    """What each face adds to the stiffness of its edges 01, 12, 20: (3, m) float array; and its area: (m,) float array.
+def cotangent_weights(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], min_flatness: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Contribution of each face to the stiffness of its edges 01, 12, 20: (3, m) float array; its area: (m,).
 
-    With e_i the edge opposite corner i: e_i · e_j / (4 area), of a face flatter than ``flattest`` (area over squared
-    longest edge) as if it were this flat.
+    With e_i the edge opposite corner i: e_i · e_j / (4 area) = −½ cot of the angle between them. A face flatter than
+    ``min_flatness`` (area over squared longest edge) is treated as if it were exactly this flat.
     """
-    coupling, area = np.empty((3, len(faces))), np.empty(len(faces))
+    weights, area = np.empty((3, len(faces))), np.empty(len(faces))
     for f in range(len(faces)):
         e = _opposite_edges(vertices, faces[f])
         area[f] = _area(e)
         longest = max(_dot(e[0], e[0]), _dot(e[1], e[1]), _dot(e[2], e[2]))
-        quarter = 4 * max(area[f], flattest * longest)
-        if quarter == 0:  # three coincident corners: no edges and no area, it conducts nothing
-            quarter = 1
-        coupling[0, f] = _dot(e[0], e[1]) / quarter
-        coupling[1, f] = _dot(e[1], e[2]) / quarter
-        coupling[2, f] = _dot(e[2], e[0]) / quarter
-    return coupling, area
+        four_areas = 4 * max(area[f], min_flatness * longest)
+        if four_areas == 0:  # three coincident corners: no edges, no area, no conduction
+            four_areas = 1
+        weights[0, f] = _dot(e[0], e[1]) / four_areas
+        weights[1, f] = _dot(e[1], e[2]) / four_areas
+        weights[2, f] = _dot(e[2], e[0]) / four_areas
+    return weights, area
 
 
 @compiled
-def thirds_of_corners(faces, values, n_vertices):
-    """For each vertex the sum over its faces of a third of their values: (n,) float array."""
-    total = np.zeros(n_vertices)
+def lumped_mass(faces: NDArray[np.int64], area: NDArray[np.float64], n_vertices: int) -> NDArray[np.float64]:
+    """A third of the area of the faces around each vertex: (n_vertices,) float array."""
+    mass = np.zeros(n_vertices)
     for corner in range(3):
         for f in range(len(faces)):
-            total[faces[f, corner]] += values[f] / 3
-    return total
+            mass[faces[f, corner]] += area[f] / 3
+    return mass
 
 
 @compiled
-def connected(n_vertices, simplices):
-    """Connected component of each vertex of (m, d) ``simplices``, numbered by each component's smallest vertex."""
-    # Union-find: a vertex's parent is a smaller vertex of its component, a root its own.
+def connected_components(n_vertices: int, simplices: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Connected component of each vertex of (m, d) ``simplices``, numbered in the order of their smallest vertices."""
+    # Union-find: the parent of a vertex is a smaller vertex of its component; a root is its own parent.
     parent = np.arange(n_vertices)
     for s in range(len(simplices)):
-        root = _root(parent, simplices[s, 0])
+        root = _find_root(parent, simplices[s, 0])
         for i in range(1, simplices.shape[1]):
-            other = _root(parent, simplices[s, i])
+            other = _find_root(parent, simplices[s, i])
             parent[max(root, other)] = min(root, other)
             root = min(root, other)
     component = np.empty(n_vertices, dtype=np.int64)
@@ -80,7 +85,8 @@ def connected(n_vertices, simplices):
 
 
 @compiled
-def _root(parent, vertex):
+def _find_root(parent: NDArray[np.int64], vertex: int) -> int:
+    """Root of the tree of a vertex; shortens the path to it on the way."""
     while parent[vertex] != vertex:
         parent[vertex] = parent[parent[vertex]]
         vertex = parent[vertex]
@@ -88,7 +94,8 @@ def _root(parent, vertex):
 
 
 @compiled
-def _opposite_edges(vertices, face):
+def _opposite_edges(vertices: NDArray[np.float64], face: NDArray[np.int64]) -> tuple[Vector, Vector, Vector]:
+    """Edge vectors opposite the corners of a face."""
     a, b, c = vertices[face[0]], vertices[face[1]], vertices[face[2]]
     return (
         (c[0] - b[0], c[1] - b[1], c[2] - b[2]),
@@ -98,12 +105,14 @@ def _opposite_edges(vertices, face):
 
 
 @compiled
-def _dot(u, v):
+def _dot(u: Vector, v: Vector) -> float:
+    """Inner product of two vectors."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
 @compiled
-def _area(e):
+def _area(e: tuple[Vector, Vector, Vector]) -> float:
+    """Area of a face with the edge vectors ``e``."""
     u, v = e[0], e[1]
     x, y, z = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
     return 0.5 * np.sqrt(x * x + y * y + z * z)

@@ -1,5 +1,5 @@
-"""Where meshes come from: each dataset turns a name into models, and a model into a mesh, lazily."""
+"""Where meshes come from: a dataset lists models, and a model loads its mesh when asked."""
 
-from studies.datasets.dataset import Dataset, DatasetError, Model
+from studies.datasets.dataset import Dataset, DatasetError, Model, make_dataset
 
-__all__ = ["Dataset", "DatasetError", "Model"]
+__all__ = ["Dataset", "DatasetError", "Model", "make_dataset"]

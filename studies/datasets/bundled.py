@@ -1,4 +1,6 @@
-"""Three animals that ship inside the installed packages, so that a study runs with nothing to download."""
+"""Three animals whose meshes are part of installed packages, so that a study runs without any download."""
+
+from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
@@ -11,23 +13,37 @@ import numpy as np
 import pymeshlab
 import trimesh
 
-from heatwalk.io.files import LoadedMesh, read_mesh
-from studies.datasets.dataset import Dataset, DatasetError, Model, wanted
+from heatwalk.io import LoadedMesh, read_mesh
+from studies.datasets.dataset import Dataset, DatasetError, Model, selected_names
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a mesh as it ships becomes one closed, evenly sampled surface of some 7,000 vertices.
+    """How a packaged mesh becomes one closed, evenly sampled surface of some 7,000 vertices.
 
-    An alpha wrap (Portaneri et al., Alpha Wrapping with an Offset, ACM TOG 41, 2022) samples a shape anew with
-    well-shaped triangles, and joins its pieces. It gives the same bytes in every process; the isotropic
-    remeshing of pymeshlab 2025.7 gives one of two results, by the process.
-
-    Attributes
+    Parameters
     ----------
-    package, file : the package that holds the mesh, and where in it
-    alpha, offset : the wrap's coarseness and distance from the mesh, in percent of the bounding-box diagonal
-    subdivide : whether to refine and round off the wrap by one Loop subdivision
+    package : str
+        the distribution that contains the mesh
+    file : str
+        path of the mesh in it
+    alpha : float
+        coarseness of the alpha wrap, in percent of the bounding-box diagonal
+    offset : float
+        distance of the wrap from the mesh, in percent of the bounding-box diagonal
+    subdivide : bool
+        whether to refine and smooth the wrap by one Loop subdivision
+
+    Notes
+    -----
+    An alpha wrap resamples a shape with well-shaped triangles and joins its pieces. Its result is the same to the
+    byte in every process; the isotropic remeshing of pymeshlab 2025.7 returns one of two results, depending on the
+    process.
+
+    References
+    ----------
+    C. Portaneri, M. Rouxel-Labbé, M. Hemmer, D. Cohen-Steiner, P. Alliez, Alpha Wrapping with an Offset, ACM Trans.
+    Graph. 41 (4), 2022, doi:10.1145/3528223.3530152.
     """
 
     package: str
@@ -38,30 +54,33 @@ class Recipe:
 
     @property
     def path(self) -> Path:
-        return Path(distribution(self.package).locate_file(self.file))
+        """The file of the mesh."""
+        return Path(str(distribution(self.package).locate_file(self.file)))
 
 
 _SAMPLES = "pymeshlab/tests/sample_meshes"
 RECIPES = {
-    # Fifteen closed pieces of 486 vertices, up to 3.6 % of the diagonal apart. At this alpha any offset from
-    # 1.2 to 1.5 % joins them without handles; a nearer wrap leaves pieces loose, or joins legs in rings.
+    # Fifteen closed pieces, 486 vertices in all, up to 3.6 % of the diagonal apart. At this alpha any offset from
+    # 1.2 to 1.5 % joins them without handles; a closer wrap leaves pieces loose, or joins legs to form rings.
     "ant": Recipe("pyvista", "pyvista/examples/ant.ply", alpha=1.5, offset=1.3, subdivide=True),
-    # Closed and in one piece, of 28,088 vertices. (The other bunny that ships has holes.)
+    # Closed and in one piece, with 28,088 vertices. (The other packaged bunny has holes.)
     "bunny": Recipe("pymeshlab", f"{_SAMPLES}/bunny.obj", alpha=0.95, offset=0.25, subdivide=False),
-    # Closed and in one piece, of 2,904 vertices.
+    # Closed and in one piece, with 2,904 vertices.
     "cow": Recipe("pymeshlab", f"{_SAMPLES}/cow.obj", alpha=0.8, offset=0.25, subdivide=False),
 }
 
 
 @dataclass(frozen=True)
 class BundledModel(Model):
-    """One of `RECIPES`. The first `load` in a process takes one to six seconds, the next ones none."""
+    """The model of one of `RECIPES`. The first `load` in a process takes one to six seconds, later ones none."""
 
     def load(self) -> LoadedMesh:
+        """The wrapped mesh."""
         mesh = _prepare(self.name)
         return LoadedMesh(mesh.vertices.copy(), mesh.faces.copy(), mesh.notes)
 
     def digest(self) -> str:
+        """SHA-256 of the packaged mesh, the recipe and the versions of the packages that apply it."""
         recipe = RECIPES[self.name]
         how = (recipe.alpha, recipe.offset, recipe.subdivide, version("pymeshlab"), version("trimesh"))
         return hashlib.sha256(recipe.path.read_bytes() + repr(how).encode()).hexdigest()
@@ -72,28 +91,46 @@ class Bundled(Dataset):
 
     Parameters
     ----------
-    models : some of these names; all without
+    models : sequence of str, optional
+        some of these names; all by default
+
+    Examples
+    --------
+    >>> [model.name for model in Bundled(["cow", "ant"]).models()]
+    ['ant', 'cow']
     """
 
     name = "bundled"
 
     def __init__(self, models: Sequence[str] | None = None):
-        self._names = wanted("models", models)
+        self._names = selected_names("models", models)
 
     def models(self) -> list[Model]:
+        """The models in alphabetical order.
+
+        Returns
+        -------
+        list of BundledModel
+
+        Raises
+        ------
+        DatasetError
+            If there is no model of a name that was asked for.
+        """
         names = set(RECIPES) if self._names is None else self._names
         if not names or names - RECIPES.keys():
-            asked = ", ".join(sorted(names))
-            raise DatasetError(f"dataset.models=[{asked}]: the bundled models are {', '.join(RECIPES)}")
+            requested = ", ".join(sorted(names))
+            raise DatasetError(f"dataset.models=[{requested}]: the bundled models are {', '.join(RECIPES)}")
         return [BundledModel(name, "animal") for name in RECIPES if name in names]
 
 
 @lru_cache
 def _prepare(name: str) -> LoadedMesh:
+    """The mesh of a recipe, computed once per process."""
     recipe = RECIPES[name]
-    shipped = read_mesh(recipe.path)
+    packaged = read_mesh(recipe.path)
     meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(shipped.vertices, shipped.faces))
+    meshes.add_mesh(pymeshlab.Mesh(packaged.vertices, packaged.faces))
     meshes.generate_alpha_wrap(
         alpha=pymeshlab.PercentageValue(recipe.alpha), offset=pymeshlab.PercentageValue(recipe.offset)
     )
@@ -102,8 +139,8 @@ def _prepare(name: str) -> LoadedMesh:
     if recipe.subdivide:
         vertices, faces = trimesh.remesh.subdivide_loop(vertices, faces, iterations=1)
     note = (
-        f"sampled anew by an alpha wrap {recipe.offset} % of the diagonal away"
+        f"resampled by an alpha wrap {recipe.offset} % of the diagonal away"
         f"{' and a Loop subdivision' if recipe.subdivide else ''}: "
-        f"{len(shipped.vertices):,} vertices became {len(vertices):,}"
+        f"{len(packaged.vertices):,} vertices became {len(vertices):,}"
     )
-    return LoadedMesh(vertices, faces, (*shipped.notes, note))
+    return LoadedMesh(vertices, faces, (*packaged.notes, note))

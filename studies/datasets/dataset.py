@@ -1,29 +1,60 @@
-"""What a dataset is: a name, and a list of models that are read where they are needed."""
+"""The base classes of datasets: a dataset is a name and a list of models, which are read where they are needed."""
 
+from __future__ import annotations
+
+import inspect
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.io.files import LoadedMesh
+from studies.planning.targets import check_required, construct, locate
+
+if TYPE_CHECKING:
+    from heatwalk.io import LoadedMesh
+
+_EXAMPLES = {"_target_": "my_package.MyDataset", "glob": "my/meshes/**/*.off", "root": "PATH"}
 
 
 class DatasetError(ValueError):
-    """A dataset that is not where it should be, or has not what was asked; the message says what to do."""
+    """A dataset that is not available, or lacks what was asked for; the message tells what to do."""
 
 
 @dataclass(frozen=True)
 class Model(ABC):
     """One shape of a dataset: small and picklable, so that it can be sent to the worker that reads the mesh.
 
-    Attributes
+    Subclasses are frozen dataclasses whose fields locate the mesh.
+
+    Parameters
     ----------
-    name : unique within the dataset; may hold "/" where the models lie in folders
-    category : the class of shapes it belongs to, "" where the dataset has none
+    name : str
+        unique within the dataset; may contain "/" if the models are in folders
+    category : str
+        the class of shapes that it belongs to, "" if the dataset has none
+
+    Examples
+    --------
+    >>> import hashlib
+    >>> import trimesh
+    >>> from heatwalk.io import LoadedMesh
+    >>> @dataclass(frozen=True)
+    ... class Cylinder(Model):
+    ...     sections: int
+    ...
+    ...     def load(self):
+    ...         mesh = trimesh.creation.cylinder(1.0, 4.0, sections=self.sections)
+    ...         return LoadedMesh(np.array(mesh.vertices), np.array(mesh.faces), ())
+    ...
+    ...     def digest(self):
+    ...         return hashlib.sha256(f"cylinder {self.sections}".encode()).hexdigest()
+    >>> Cylinder("fine", "cylinder", sections=32).load().faces.shape
+    (128, 3)
     """
 
     name: str
@@ -31,62 +62,159 @@ class Model(ABC):
 
     @abstractmethod
     def load(self) -> LoadedMesh:
-        """Read the mesh; raises `heatwalk.MeshError` where the file does not hold one."""
+        """Read or compute the mesh.
+
+        Returns
+        -------
+        LoadedMesh
+            vertices (n, 3) float64, faces (m, 3) int64 and notes; arrays that the caller may modify
+
+        Raises
+        ------
+        heatwalk.MeshError
+            If the file does not contain a mesh.
+        """
 
     @abstractmethod
     def digest(self) -> str:
-        """SHA-256, in hexadecimal, of all that determines what `load` gives."""
+        """SHA-256, in hexadecimal, of all that determines the result of `load`.
+
+        Returns
+        -------
+        str
+            Part of the ids of trials: stored results are reused as long as it is the same.
+        """
 
     def human_segmentations(self) -> list[NDArray[np.int64]]:
-        """Face labels (m,), one array a person, for the datasets that have them; else none."""
+        """Segmentations by people.
+
+        Returns
+        -------
+        list of (m,) int64 array
+            face labels, one array per person; empty if the dataset has none
+        """
         return []
 
-    def people_digest(self) -> str:
-        """SHA-256 of all that determines what `human_segmentations` gives."""
+    def human_digest(self) -> str:
+        """SHA-256 of all that determines the result of `human_segmentations`; "" if the dataset has none."""
         return ""
 
     def correspondence(self) -> NDArray[np.int64]:
-        """The vertex of this pose for each point that the poses of its shape have in common: (p,)."""
-        raise DatasetError(f"model {self.name}: its dataset does not say which points of two poses are the same")
+        """The vertices of this model at the points that all models of its category have in common.
+
+        Returns
+        -------
+        (p,) int64 array
+            Entry i of two models of one category is the same point of the shape.
+
+        Raises
+        ------
+        DatasetError
+            If the dataset does not specify corresponding points.
+        """
+        raise DatasetError(f"model {self.name}: its dataset does not specify corresponding points of two poses")
 
     def correspondence_digest(self) -> str:
-        """SHA-256 of all that determines what `correspondence` gives."""
+        """SHA-256 of all that determines the result of `correspondence`; "" if the dataset specifies none."""
         return ""
 
 
 class Dataset(ABC):
-    """A named collection of models. Making one reads nothing; `models` looks for the files.
+    """A named collection of models. Constructing one reads nothing; `models` looks for the files.
 
     Attributes
     ----------
-    name : stands in the rows of a study and in the path of its results
+    name : str
+        value of the column ``dataset`` in the rows of a study, and the name of the folder of its results
+
+    See Also
+    --------
+    studies.testing.check_dataset : checks that a dataset keeps to its contract
+
+    Examples
+    --------
+    >>> from studies.datasets.bundled import Bundled
+    >>> [model.name for model in Bundled(["cow", "ant"]).models()]
+    ['ant', 'cow']
     """
 
     name: str
 
     @abstractmethod
-    def models(self) -> list[Model]:
-        """The models asked for, at least one, in an order that depends on nothing but their names.
+    def models(self) -> Sequence[Model]:
+        """The models that were asked for.
+
+        Returns
+        -------
+        sequence of Model
+            at least one; the order depends on nothing but their names
 
         Raises
         ------
         DatasetError
-            If the data are not there, or something that was asked for is not among them.
+            If the data are not available, or something that was asked for is not among them.
         """
 
 
-def wanted(option: str, values: Iterable[str | int] | None) -> set[str] | None:
-    """What an option such as dataset.models lists, as names; None where it leaves everything in."""
+def make_dataset(options: Mapping[str, Any]) -> Dataset:
+    """The dataset that the options ``dataset.*`` describe.
+
+    Parameters
+    ----------
+    options : mapping
+        ``_target_``, the dotted name of a subclass of `Dataset` in an installed package or in the current folder;
+        and the keyword arguments of that class
+
+    Returns
+    -------
+    Dataset
+
+    Raises
+    ------
+    DatasetError
+        If an option is missing, unknown to the class, or refused by it, if the class cannot be imported, or if it is
+        not a named `Dataset`.
+
+    Examples
+    --------
+    >>> make_dataset({"_target_": "studies.datasets.bundled.Bundled", "models": ["cow"]}).models()
+    [BundledModel(name='cow', category='animal')]
+    """
+    check_required("dataset", options, _EXAMPLES, DatasetError)
+    name = options["_target_"]
+    target = locate("dataset", name, DatasetError)
+    if not (isinstance(target, type) and issubclass(target, Dataset)):
+        raise DatasetError(f"dataset._target_={name} is not a subclass of studies.datasets.Dataset")
+    _check_options(target, name, [key for key in options if not key.startswith("_")])
+    dataset = construct("dataset", options, DatasetError)
+    if not (isinstance(getattr(dataset, "name", None), str) and dataset.name):
+        raise DatasetError(f"dataset._target_={name} has no name: set the class attribute `name`")
+    return dataset
+
+
+def _check_options(target: type[Dataset], name: str, keys: Sequence[str]) -> None:
+    """Refuse options that the class does not have."""
+    try:
+        inspect.signature(target).bind(**dict.fromkeys(keys))
+    except TypeError as error:
+        raise DatasetError(
+            f"dataset._target_={name}: {error}; a dataset of your own has the options of dataset=custom and those "
+            "given as +dataset.NAME=VALUE"
+        ) from error
+
+
+def selected_names(option: str, values: Iterable[str | int] | None) -> set[str] | None:
+    """The names that an option such as dataset.models lists; None if it selects everything."""
     if isinstance(values, str | int):
         raise DatasetError(f"dataset.{option}={values} must be a list: 'dataset.{option}=[{values}]'")
     return None if values is None else {str(value) for value in values}
 
 
-def check_there(what: str, asked: set[str], there: set[str], listed: str, root: Path) -> None:
-    """Refuse what was asked for and is not there, and say what is, as `listed`."""
-    missing = sorted(asked - there, key=natural_order)
+def require_available(what: str, requested: set[str], available: set[str], listing: str, root: Path) -> None:
+    """Raise if anything requested is not available; the message lists what is, as ``listing``."""
+    missing = sorted(requested - available, key=natural_order)
     if missing:
-        raise DatasetError(f"{root} does not have the {what} {', '.join(missing)}; it has {listed or 'none'}")
+        raise DatasetError(f"{root} does not have the {what} {', '.join(missing)}; it has {listing or 'none'}")
 
 
 def natural_order(name: str) -> list[tuple[int, str]]:

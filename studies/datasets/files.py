@@ -1,11 +1,13 @@
 """Any meshes in a folder."""
 
+from __future__ import annotations
+
 import glob
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from heatwalk.io.files import LoadedMesh, read_mesh
+from heatwalk.io import LoadedMesh, read_mesh
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order
 
 SUFFIXES = (".off", ".obj", ".ply", ".stl")
@@ -13,30 +15,48 @@ SUFFIXES = (".off", ".obj", ".ply", ".stl")
 
 @dataclass(frozen=True)
 class FileModel(Model):
-    """A mesh in a file of its own."""
+    """A mesh in a file.
+
+    Parameters
+    ----------
+    path : Path
+        absolute path of the file
+    """
 
     path: Path
 
     def load(self) -> LoadedMesh:
+        """The mesh, as `heatwalk.read_mesh` reads it."""
         return read_mesh(self.path)
 
     def digest(self) -> str:
+        """SHA-256 of the file."""
         with self.path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 class Files(Dataset):
-    """The meshes in a folder and the folders below it, or those that a pattern matches.
+    """The meshes in a folder and its subfolders, or those that match a pattern.
 
-    A model is named after its path below the folder (of a pattern: below the part before its first wildcard),
-    without the suffix, and its category is the folder it lies in, "" for those at the top.
+    A model is named after its path relative to the folder (with a pattern: to the part before its first wildcard),
+    without the suffix. Its category is the name of the folder that contains it, "" at the top.
 
     Parameters
     ----------
-    glob : a folder, a file, or a pattern with ``*``, ``?``, ``[…]``, and ``**`` for any depth of folders. A
-        relative one counts from the working directory. Files of other suffixes than ``SUFFIXES`` are left
-        out.
-    name : what the dataset is called in the results
+    glob : str or None
+        a folder, a file, or a pattern with ``*``, ``?``, ``[…]``, and ``**`` for any number of folders. A relative
+        one starts at the current folder. Files whose suffix is not in ``SUFFIXES`` are ignored.
+    name : str
+        name of the dataset in the results
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> (folder / "cats").mkdir()
+    >>> (folder / "cats" / "tom.off").touch()
+    >>> [(model.name, model.category) for model in Files(str(folder)).models()]
+    [('cats/tom', 'cats')]
     """
 
     def __init__(self, glob: str | None, name: str = "files"):
@@ -44,6 +64,17 @@ class Files(Dataset):
         self._glob = glob
 
     def models(self) -> list[Model]:
+        """The models in natural order of their paths.
+
+        Returns
+        -------
+        list of FileModel
+
+        Raises
+        ------
+        DatasetError
+            If no file matches, or two files would have the same model name.
+        """
         if not self._glob:
             raise DatasetError("the dataset 'files' needs a folder or a pattern: dataset.glob='my/meshes/**/*.off'")
         top, pattern = _split(Path(self._glob).expanduser())
@@ -54,7 +85,7 @@ class Files(Dataset):
         )
         if not paths:
             raise DatasetError(
-                f"no mesh ({', '.join(SUFFIXES)}) matches dataset.glob={self._glob!r}, looked for from {Path.cwd()}"
+                f"no mesh ({', '.join(SUFFIXES)}) matches dataset.glob={self._glob!r}, searched from {Path.cwd()}"
             )
         models: dict[str, FileModel] = {}
         for path in paths:

@@ -1,56 +1,99 @@
-"""The files of a dataset, in a folder or in a zip that stays packed."""
+"""The files of a dataset, in a folder or in a zip archive that stays packed."""
+
+from __future__ import annotations
 
 import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from heatwalk.meshes import MeshError
 from studies.datasets.dataset import DatasetError
 
+Content = TypeVar("Content")
+
 
 def folder(root: Path, inside: str) -> Path | zipfile.Path:
-    """A folder of a folder or zip, either way with the same methods."""
-    return root / inside if root.is_dir() else zipfile.Path(root, f"{inside}/" if inside else "")
-
-
-def find(root: Path | None, holds: Callable[[Path | zipfile.Path], bool], layout: str) -> tuple[Path, str]:
-    """The root, and where in it the data are: at its top, or one or two folders below.
+    """A folder inside a folder or archive; both have the same methods.
 
     Parameters
     ----------
-    root : the folder or zip; None where nobody said
-    holds : whether the data are in this folder
-    layout : what should be there, and how to say where it is: the end of every error message
+    root : Path
+        a folder or a zip archive
+    inside : str
+        path inside it, with "/" between its parts; "" for its top
+
+    Returns
+    -------
+    Path or zipfile.Path
+    """
+    return root / inside if root.is_dir() else zipfile.Path(root, f"{inside}/" if inside else "")
+
+
+def find(root: Path | None, contains_data: Callable[[Path | zipfile.Path], bool], layout: str) -> tuple[Path, str]:
+    """Find the data at the top of a folder or archive, or up to two levels below.
+
+    Parameters
+    ----------
+    root : Path or None
+        a folder or a zip archive; None if the option is not set
+    contains_data : callable
+        whether a folder contains the data
+    layout : str
+        description of the expected files and of the option that locates them: the end of every error message
+
+    Returns
+    -------
+    root : Path
+    inside : str
+        path of the data inside it, as `folder` takes it
 
     Raises
     ------
     DatasetError
-        If there is no such folder, or more than one of the same depth.
+        If no folder contains the data, or more than one at the same level does.
     """
     if root is None:
-        raise DatasetError(f"the dataset is not told where its files are.\n{layout}")
+        raise DatasetError(f"the location of the dataset is not set.\n{layout}")
     if not root.exists():
         raise DatasetError(f"{root} does not exist.\n{layout}")
     level = [""] if root.is_dir() or zipfile.is_zipfile(root) else []
     for _ in range(3):
-        found = [inside for inside in level if holds(folder(root, inside))]
+        found = [inside for inside in level if contains_data(folder(root, inside))]
         if len(found) > 1:
-            raise DatasetError(f"{root} holds such data more than once, in {' and '.join(found)}.\n{layout}")
+            raise DatasetError(f"{root} contains the data more than once, in {' and '.join(found)}.\n{layout}")
         if found:
             return root, found[0]
-        level = [
-            f"{inside}/{child.name}".lstrip("/")
-            for inside in level
-            for child in sorted(folder(root, inside).iterdir(), key=lambda child: child.name)
-            if child.is_dir()
-        ]
-    raise DatasetError(f"{root} does not hold the data.\n{layout}")
+        level = [f"{inside}/{name}".lstrip("/") for inside in level for name in _subfolders(folder(root, inside))]
+    raise DatasetError(f"{root} does not contain the data.\n{layout}")
 
 
-def read(file: Path | zipfile.Path, reader: Callable[[Path], Any]) -> Any:
-    """What `reader` gives for a file, also where that is a member of a zip."""
+def _subfolders(parent: Path | zipfile.Path) -> list[str]:
+    """The names of the folders in a folder, sorted."""
+    return sorted(child.name for child in parent.iterdir() if child.is_dir())
+
+
+def read(file: Path | zipfile.Path, reader: Callable[[Path], Content]) -> Content:
+    """Apply a reader to a file, which may be a member of an archive.
+
+    Parameters
+    ----------
+    file : Path or zipfile.Path
+        the file
+    reader : callable
+        reads a file of the file system
+
+    Returns
+    -------
+    object
+        the result of ``reader``
+
+    Raises
+    ------
+    heatwalk.MeshError
+        If ``reader`` does; the message names the file in the archive.
+    """
     if isinstance(file, Path):
         return reader(file)
     with tempfile.TemporaryDirectory() as unpacking:

@@ -4,6 +4,8 @@ X. Chen, A. Golovinskiy, T. Funkhouser, A Benchmark for 3D Mesh Segmentation, AC
 doi:10.1145/1531326.1531379.
 """
 
+from __future__ import annotations
+
 import difflib
 import hashlib
 import zipfile
@@ -14,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.io.files import LoadedMesh, read_mesh, read_seg
-from studies.datasets.dataset import Dataset, DatasetError, Model, check_there, natural_order, wanted
+from heatwalk.io import LoadedMesh, read_mesh, read_seg
+from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, require_available, selected_names
 from studies.datasets.folders import find, folder, read
 
 # The benchmark numbers its models by category; 261 to 280 are not part of it.
@@ -41,7 +43,8 @@ CATEGORIES = {
     "FourLeg": range(381, 401),
 }
 
-# The paper's "non rigid" categories (Table 1). It does not name them; these eleven reproduce its figures.
+# The "non rigid" categories of Benjamin et al. 2011, Table 1. They are not named there; these eleven reproduce its
+# values.
 NON_RIGID = (
     "Human",
     "Glasses",
@@ -59,57 +62,83 @@ NON_RIGID = (
 _CATEGORY_OF = {str(number): category for category, numbers in CATEGORIES.items() for number in numbers}
 
 _LAYOUT = """\
-The Princeton Segmentation Benchmark (https://segeval.cs.princeton.edu), as a folder or as its zip, holds
+The Princeton Segmentation Benchmark (https://segeval.cs.princeton.edu), a folder or a zip archive, contains
     MeshsegBenchmark-1.0/data/off/1.off …                       the models
     MeshsegBenchmark-1.0/data/seg/Benchmark/1/1_0.seg …         the segmentations by people
-Say where it is with dataset.root=PATH, or in the environment variable PSB_ROOT."""
+Set its location by dataset.root=PATH, or by the environment variable PSB_ROOT."""
 
 
 @dataclass(frozen=True)
 class PSBModel(Model):
     """A model of the benchmark, named by its number.
 
-    Attributes
+    Parameters
     ----------
-    root : the benchmark's folder or zip
-    data : where in it the folders ``off`` and ``seg`` are
+    root : Path
+        folder or zip archive of the benchmark
+    data : str
+        path in it of the folder that contains ``off`` and ``seg``
     """
 
     root: Path
     data: str
 
     def load(self) -> LoadedMesh:
+        """The mesh of the OFF file."""
         return read(self._off(), read_mesh)
 
     def digest(self) -> str:
+        """SHA-256 of the OFF file."""
         return hashlib.sha256(self._off().read_bytes()).hexdigest()
 
     def human_segmentations(self) -> list[NDArray[np.int64]]:
-        """One array of face labels (m,) a person, in the order of the benchmark's numbers for them."""
-        return [read(file, read_seg) for file in self._people()]
+        """Segmentations by people.
 
-    def people_digest(self) -> str:
-        return hashlib.sha256(b"\0".join(file.read_bytes() for file in self._people())).hexdigest()
+        Returns
+        -------
+        list of (m,) int64 array
+            face labels, one array per person, in the order of the numbers that the benchmark gives them
+        """
+        return [read(file, read_seg) for file in self._human_files()]
 
-    def _people(self) -> list[Path | zipfile.Path]:
-        people = folder(self.root, self.data) / "seg" / "Benchmark" / self.name
-        if not people.is_dir():
+    def human_digest(self) -> str:
+        """SHA-256 of the files of people's segmentations."""
+        return hashlib.sha256(b"\0".join(file.read_bytes() for file in self._human_files())).hexdigest()
+
+    def _human_files(self) -> list[Path | zipfile.Path]:
+        """The files of people's segmentations, in the order of their numbers."""
+        segmentations = folder(self.root, self.data) / "seg" / "Benchmark" / self.name
+        if not segmentations.is_dir():
             return []
-        files = (file for file in people.iterdir() if file.name.endswith(".seg"))
+        files = (file for file in segmentations.iterdir() if file.name.endswith(".seg"))
         return sorted(files, key=lambda file: natural_order(file.name))
 
     def _off(self) -> Path | zipfile.Path:
+        """The OFF file."""
         return folder(self.root, self.data) / "off" / f"{self.name}.off"
 
 
 class PSB(Dataset):
-    """The benchmark, or the part of it that is there, in the order of the models' numbers.
+    """The benchmark, or the part of it that is available.
 
     Parameters
     ----------
-    root : the unpacked benchmark (the folder above it, it, or its ``data``), or its zip, which stays packed
-    categories : only models of these categories, in capitals or not; "non_rigid" for those of `NON_RIGID`; all without
-    models : only models of these numbers; all without. Together with `categories`: those that satisfy both
+    root : str, Path or None
+        the unpacked benchmark (its folder, the one above, or its ``data``), or its zip archive, which stays packed
+    categories : sequence of str, or "non_rigid", optional
+        only models of these categories, in upper or lower case; "non_rigid" means those of `NON_RIGID`; all by default
+    models : sequence of int or str, optional
+        only models of these numbers; all by default. With ``categories``: models that satisfy both
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> (folder / "data" / "off").mkdir(parents=True)
+    >>> for number in (2, 10, 84):
+    ...     (folder / "data" / "off" / f"{number}.off").touch()
+    >>> [(model.name, model.category) for model in PSB(folder, categories=["Human"]).models()]
+    [('2', 'Human'), ('10', 'Human')]
     """
 
     name = "psb"
@@ -122,43 +151,65 @@ class PSB(Dataset):
     ):
         self._root = Path(root).expanduser().absolute() if root else None
         self._non_rigid = categories == "non_rigid"
-        self._categories = None if self._non_rigid else wanted("categories", categories)
-        self._names = wanted("models", models)
+        self._categories = None if self._non_rigid else selected_names("categories", categories)
+        self._names = selected_names("models", models)
 
     def models(self) -> list[Model]:
+        """The models in the order of their numbers.
+
+        Returns
+        -------
+        list of PSBModel
+
+        Raises
+        ------
+        DatasetError
+            If the benchmark is not available, if it does not have a category or model that was asked for, or if the
+            two options together leave no model.
+        """
         root, data = find(self._root, lambda inside: (inside / "off").is_dir(), _LAYOUT)
         files = {file.name for file in (folder(root, data) / "off").iterdir()}
-        there = {name: category for name, category in _CATEGORY_OF.items() if f"{name}.off" in files}
-        chosen = there
-        if self._non_rigid:
-            chosen = {name: category for name, category in there.items() if category in NON_RIGID}
-        if self._categories is not None:
-            categories = {_category(name) for name in self._categories}
-            check_there("categories", categories, set(there.values()), ", ".join(dict.fromkeys(there.values())), root)
-            chosen = {name: category for name, category in chosen.items() if category in categories}
+        available = {name: category for name, category in _CATEGORY_OF.items() if f"{name}.off" in files}
+        categories, names = self._selected_categories(available, root), set(available)
         if self._names is not None:
-            check_there("models", self._names, set(there), _spans(there), root)
-            chosen = {name: category for name, category in chosen.items() if name in self._names}
-        if not chosen:
+            require_available("models", self._names, names, _spans(available), root)
+            names &= self._names
+        models: list[Model] = [
+            PSBModel(name, category, root, data)
+            for name, category in available.items()
+            if name in names and category in categories
+        ]
+        if not models:
             raise DatasetError(
-                f"{root} has {len(there)} models of the benchmark, and dataset.categories and dataset.models "
-                f"leave none of them"
+                f"{root} has {len(available)} models of the benchmark, and dataset.categories and dataset.models "
+                "select none of them"
             )
-        return [PSBModel(name, category, root, data) for name, category in chosen.items()]
+        return models
+
+    def _selected_categories(self, available: dict[str, str], root: Path) -> set[str]:
+        """The categories that the option selects from those of the available models."""
+        if self._non_rigid:
+            return set(NON_RIGID)
+        if self._categories is None:
+            return set(available.values())
+        categories = {_category(name) for name in self._categories}
+        listing = ", ".join(dict.fromkeys(available.values()))
+        require_available("categories", categories, set(available.values()), listing, root)
+        return categories
 
 
 def _category(name: str) -> str:
-    """The benchmark's own spelling of a category."""
+    """The benchmark's spelling of a category."""
     spelling = {category.lower(): category for category in CATEGORIES}
     if name.lower() in spelling:
         return spelling[name.lower()]
-    near = difflib.get_close_matches(name.lower(), spelling, n=1)
-    hint = f"did you mean {spelling[near[0]]}? " if near else ""
+    close = difflib.get_close_matches(name.lower(), spelling, n=1)
+    hint = f"did you mean {spelling[close[0]]}? " if close else ""
     raise DatasetError(f"the benchmark has no category {name!r}; {hint}It has {', '.join(CATEGORIES)}")
 
 
 def _spans(names: Iterable[str]) -> str:
-    """Ascending numbers, those that follow one another drawn together: "1-10, 21"."""
+    """Ascending numbers, consecutive ones combined: "1-10, 21"."""
     numbers = np.array(list(names), dtype=int)
     spans = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
     return ", ".join(f"{span[0]}-{span[-1]}" if len(span) > 1 else f"{span[0]}" for span in spans if len(span))

@@ -1,22 +1,29 @@
-"""What happens inside the Heat Walk (paper, sections 3 to 5, Figures 1 to 4) and what it makes of shapes (Figure 5)."""
+"""What happens inside the Heat Walk, model by model: its steps and its dissipators."""
 
-import math
+from __future__ import annotations
+
 import time
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-import trimesh
-
-from studies.execution import map_ordered
-from studies.experiments.experiment import Claim, Experiment
-from studies.figures import plates
-from studies.planning.plan import StudyError, digest, identity
+from studies.columns import Column, Table
+from studies.experiments.experiment import FAILURES, MODELS, PUBLISHED, SEGMENTER, Experiment, by_segmenter, frame_of
+from studies.planning.errors import StudyError
+from studies.planning.fingerprint import digest, fingerprint
 from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
-from studies.statistics import tables
+from studies.statistics.bootstrap import interval_of_mean
 
-# After how many steps of the walk the share of settled points is kept.
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from heatwalk import LoadedMesh
+    from studies.datasets import Dataset
+    from studies.experiments.experiment import Labels
+    from studies.figures.pictures import Picture
+
+# The steps of the walk after which the share of settled points is kept.
 STEPS = (1, 2, 3)
 
 
@@ -24,23 +31,27 @@ STEPS = (1, 2, 3)
 class AnatomyTrial(Trial):
     """One model and its walk.
 
-    segmenter : studies.segmenters.Segmenter, of a Heat Walk
+    Parameters
+    ----------
+    segmenter : Segmenter
+        of a Heat Walk
     """
 
     segmenter: Segmenter
 
-    def prepare(self):
+    def prepare(self) -> LoadedMesh:
         """The mesh."""
         return self.model.load()
 
-    def measure(self, mesh):
+    def measure(self, prepared: LoadedMesh) -> dict[str, Any]:
+        """Segment, and count how many points have settled after each step."""
         start = time.perf_counter()
-        segmentation = self.segmenter.method.segmentation(mesh.vertices, mesh.faces)
+        segmentation = self.segmenter.method.segmentation(prepared.vertices, prepared.faces)
         seconds = time.perf_counter() - start
-        settled = plates.settled_shares(segmentation.walk)
+        settled = segmentation.walk.settled_shares()
         return {
-            "n_vertices": len(mesh.vertices),
-            "n_faces": len(mesh.faces),
+            "n_vertices": len(prepared.vertices),
+            "n_faces": len(prepared.faces),
             "n_segments": segmentation.n_segments,
             "n_steps": len(settled) - 1,
             **{f"settled_{step}": float(settled[min(step, len(settled) - 1)]) for step in STEPS},
@@ -49,155 +60,131 @@ class AnatomyTrial(Trial):
         }
 
 
+@dataclass(frozen=True, kw_only=True)
 class Anatomy(Experiment):
-    """The walk of every model: its steps, its dissipators; and the figures that show them."""
+    """The walk of every model, and plates that show it.
 
-    columns: ClassVar[dict[str, str]] = {
-        "n_steps": "Int64",
-        **{f"settled_{step}": "float64" for step in STEPS},
-        "dissipating": "float64",
-    }
-    headings: ClassVar[dict[str, str]] = {
-        "what": "mean over models",
-        "mean": "value",
-        "interval": "95 % interval",
-        "lowest": "lowest",
-        "highest": "highest",
-        "paper": "paper",
-        "n": "models",
-        "failures": "failed",
-    }
-    notes = (
-        "Settled: the share of points that after so many steps of the walk stand at their final exemplar, in percent. "
-        "Dissipating: the share of points in the dissipator region. Intervals: bootstrap over models."
+    Parameters
+    ----------
+    plates : mapping of str to mapping
+        by file stem: ``shows``, one of ``studies.figures.method_figures.PLATES``, and ``models``: their names, of which
+        those in the study are shown, by default the first; or "each_category" for the first model of each category
+    """
+
+    plates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    columns: ClassVar[tuple[Column, ...]] = (
+        Column(name="n_steps", dtype="Int64", help="Steps until every point has settled."),
+        *(
+            Column(name=f"settled_{step}", help=f"Share of points at their final exemplar after step {step}.")
+            for step in STEPS
+        ),
+        Column(name="dissipating", help="Share of points in the dissipator region."),
+    )
+    notes: ClassVar[str] = (
+        "Settled: the share of points that have reached their final exemplar after so many steps of the walk, in "
+        "percent. Dissipating: the share of points in the dissipator region. Intervals: bootstrap over models."
     )
 
-    def narrow(self, table):
-        return ("what", "mean", "interval", "paper", "n")
-
-    def claims(self, tables, cfg):
+    def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
+        """One trial per model and segmenter."""
+        for segmenter in segmenters:
+            if not hasattr(segmenter.method, "segmentation"):
+                raise StudyError(f"the study {study} looks inside the Heat Walk, which {segmenter.name} is not")
         return [
-            Claim(f"Figure 3: {row.what}", row.paper, row.mean, row.ci_low, row.ci_high, " %", 1, higher_is_better=True)
-            for row in tables["table"].itertuples()
-            if not math.isnan(row.paper)
+            AnatomyTrial(
+                study=study,
+                dataset=dataset.name,
+                part=study,
+                model=model,
+                mesh_digest=identity[1],
+                segmenter=segmenter,
+                segmenter_name=segmenter.name,
+                group_key=digest(identity),
+                trial_id=digest("anatomy", identity, *segmenter.fingerprint)[:24],
+            )
+            for model in dataset.models()
+            for identity in [fingerprint(model)]
+            for segmenter in segmenters
         ]
 
-    def plan(self, cfg, dataset, segmenter):
-        if not hasattr(segmenter.method, "segmentation"):
-            raise StudyError(f"the study {cfg.study.name} looks inside the Heat Walk, which {segmenter.name} is not")
-        trials = []
-        for model in dataset.models():
-            mesh = identity(model)
-            trials.append(
-                AnatomyTrial(
-                    study=cfg.study.name,
-                    dataset=dataset.name,
-                    part=cfg.study.name,
-                    model=model,
-                    mesh_digest=mesh[1],
-                    segmenter=segmenter,
-                    segmenter_name=segmenter.name,
-                    group_key=digest(mesh),
-                    trial_id=digest("anatomy", mesh, *segmenter.identity)[:24],
-                )
-            )
-        return trials
+    def tables(self, rows: pd.DataFrame) -> list[Table]:
+        """One row per quantity: mean, interval and range over models."""
+        keys = by_segmenter(rows)
+        groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
+        records = [dict(zip(keys, key, strict=True)) | record for key, group in groups for record in _quantities(group)]
+        columns = (
+            SEGMENTER,
+            Column(name="what", dtype="string", heading="mean over models", help="Quantity."),
+            Column(name="mean", heading="value", format=".1f", help="Mean over models."),
+            Column(name="ci_low", shown=False, help="Lower end of the 95 % interval of the mean."),
+            Column(name="ci_high", shown=False, help="Upper end of the 95 % interval of the mean."),
+            Column(
+                name="interval",
+                heading="95 % interval",
+                template="{ci_low:.1f} – {ci_high:.1f}",
+                help="95 % bootstrap interval of the mean over models.",
+            ),
+            Column(name="lowest", format=".1f", compact=False, help="Smallest value of a model."),
+            Column(name="highest", format=".1f", compact=False, help="Largest value of a model."),
+            PUBLISHED,
+            MODELS,
+            FAILURES,
+        )
+        return [Table("table", frame_of(records), columns, notes=self.notes, value="mean", published_before="n")]
 
-    def tables(self, rows, cfg):
-        import pandas as pd
+    def pictures(
+        self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
+    ) -> Iterable[Picture]:
+        """The plates."""
+        from studies.figures.method_figures import PLATES, AnatomyPlate
 
-        good = rows[rows["status"] == "ok"]
-        measured = {
-            "steps of the walk": good["n_steps"].astype(float),
-            **{f"settled after step {step}, %": 100 * good[f"settled_{step}"] for step in STEPS},
-            "dissipating, %": 100 * good["dissipating"],
-            "segments": good["n_segments"].astype(float),
-        }
-        found = []
-        for what, values in measured.items():
-            low, high = tables.interval(pd.DataFrame({"model": good["model"], "value": values}), "value")
-            found.append(
-                {
-                    "what": what,
-                    "mean": values.mean(),
-                    "ci_low": low,
-                    "ci_high": high,
-                    "lowest": values.min(),
-                    "highest": values.max(),
-                    "paper": cfg.paper.get(what, np.nan),
-                    "n": len(good),
-                    "failures": len(rows) - len(good),
-                }
-            )
-        return {"table": pd.DataFrame(found)}
-
-    def display(self, table):
-        return [
-            {
-                "what": row.what,
-                "mean": tables.number(row.mean, 1),
-                "interval": tables.interval_text(row.ci_low, row.ci_high, 1),
-                "lowest": tables.number(row.lowest, 1),
-                "highest": tables.number(row.highest, 1),
-                "paper": tables.number(row.paper, 1),
-                "n": str(row.n),
-                "failures": str(row.failures),
-            }
-            for row in table.itertuples()
-        ]
-
-    def surfaces(self, trials, rows, cfg, title, engine):
-        """The study's ``plates``: file stem -> which of ``PLATES``, and the models that it shows."""
-        good = set(rows.loc[rows["status"] == "ok", "model"])
-        by_name = {trial.model.name: trial for trial in trials if trial.model.name in good}
-        for stem, plate in cfg.plates.items():
-            if plate.shows not in PLATES:
-                raise StudyError(f"plates.{stem}.shows is {plate.shows!r}: choose one of {', '.join(PLATES)}")
-            names = _shown(plate.models, by_name)
+        good = set(rows.loc[rows["status"] == "ok", "trial_id"])
+        by_name = {trial.model.name: trial for trial in reversed(trials) if trial.trial_id in good}
+        by_name = dict(reversed(by_name.items()))
+        for stem, plate in self.plates.items():
+            if plate["shows"] not in PLATES:
+                raise StudyError(f"plates.{stem}.shows is {plate['shows']!r}: choose one of {', '.join(PLATES)}")
+            names = _shown_models(plate.get("models"), by_name)
             if names:
-                shows = " ".join([plate.shows, *(by_name[name].trial_id for name in names)])
-                yield (
-                    stem,
-                    shows,
-                    lambda plate=plate, names=names: map_ordered(
-                        engine, _draw, [(plate.shows, [by_name[name] for name in names])]
-                    )[0],
-                )
+                yield AnatomyPlate(stem, plate["shows"], [by_name[name] for name in names])
 
 
-def _shown(models, by_name):
-    """The models of a plate: those named that are there; else the first; ``each_category``: the first of each."""
-    if models == "each_category":
-        return list({trial.model.category: name for name, trial in reversed(by_name.items())}.values())[::-1]
-    named = [str(name) for name in models or () if str(name) in by_name]
+def _quantities(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Mean, interval and range of each quantity over models."""
+    import pandas as pd
+
+    good = rows[rows["status"] == "ok"]
+    measured = {
+        "steps of the walk": good["n_steps"].astype(float),
+        **{f"settled after step {step}, %": 100 * good[f"settled_{step}"] for step in STEPS},
+        "dissipating, %": 100 * good["dissipating"],
+        "segments": good["n_segments"].astype(float),
+    }
+    records = []
+    for what, values in measured.items():
+        low, high = interval_of_mean(pd.DataFrame({"model": good["model"], "value": values}), "value")
+        records.append(
+            {
+                "what": what,
+                "mean": values.mean(),
+                "ci_low": low,
+                "ci_high": high,
+                "lowest": values.min(),
+                "highest": values.max(),
+                "n": len(good),
+                "failures": len(rows) - len(good),
+            }
+        )
+    return records
+
+
+def _shown_models(wanted: str | Sequence[str | int] | None, by_name: Mapping[str, Trial]) -> list[str]:
+    """The models of a plate: those wanted that the study has, else the first; or the first of each category."""
+    if wanted == "each_category":
+        first: dict[str, str] = {}
+        for name, trial in by_name.items():
+            first.setdefault(trial.model.category, name)
+        return list(first.values())
+    named = [str(name) for name in wanted or () if str(name) in by_name]
     return named or list(by_name)[:1]
-
-
-def _draw(task):
-    """The figure of a plate: in a worker, since drawing off screen can take a process down."""
-    shows, trials = task
-    drawn = []
-    for trial in trials:
-        loaded = trial.prepare()
-        mesh = trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
-        drawn.append((trial, mesh, trial.segmenter.method.segmentation(mesh.vertices, mesh.faces)))
-    return PLATES[shows](drawn)
-
-
-def _showcase(drawn):
-    categories = [trial.model.category for trial, *_ in drawn]
-    by_category = all(categories) and len(set(categories)) == len(categories)
-    items = [
-        (mesh, plates.segments(seg), trial.model.category if by_category else trial.model.name)
-        for trial, mesh, seg in drawn
-    ]
-    return plates.showcase(items)[0]
-
-
-PLATES = {
-    "pipeline": lambda drawn: plates.pipeline(*drawn[0][1:])[0],
-    "diffusion": lambda drawn: plates.diffusion(*drawn[0][1:])[0],
-    "walk": lambda drawn: plates.walk(*drawn[0][1:])[0],
-    "divergences": lambda drawn: plates.divergences(*drawn[0][1:])[0],
-    "showcase": _showcase,
-}

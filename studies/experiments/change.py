@@ -1,25 +1,79 @@
-"""How far a segmentation moves when its mesh is perturbed (paper, sections 6.2 to 6.6, Table 2)."""
+"""How far a segmentation moves when its mesh is perturbed."""
 
+from __future__ import annotations
+
+import dataclasses
 import json
-import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import hydra.utils
 import numpy as np
 import trimesh
-from omegaconf import OmegaConf
 
-from studies.execution import map_ordered
-from studies.experiments.experiment import Claim, Experiment
-from studies.metrics import change_percentage, rand_index_error, van_dongen
-from studies.planning.code import digest_of_code
-from studies.planning.plan import StudyError, digest, digests, identity, whole_number
+import perturb
+from studies import metrics
+from studies.columns import Column, Table
+from studies.experiments.experiment import (
+    FAILURES,
+    PUBLISHED,
+    SEGMENTER,
+    TRIALS,
+    Experiment,
+    by_segmenter,
+    frame_of,
+    require_whole_number,
+)
+from studies.metrics import Comparison
+from studies.planning.errors import StudyError
+from studies.planning.fingerprint import digest, digest_of_code, fingerprint
+from studies.planning.targets import construct
 from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
-from studies.statistics import tables
+from studies.statistics.bootstrap import interval_of_mean, model_mean
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from studies.datasets import Dataset
+    from studies.experiments.experiment import Labels
+    from studies.figures.charts import Chart
+    from studies.figures.pictures import Picture
+
+MEASURE = "change_percentage"  # the metric that the tables and curves are about
+SIZES = ("n_segments", "n_segments_reference")
+
+PART = Column(name="part", dtype="string", heading="perturbation", help="Part of the study.")
+LEVEL = Column(name="level", format="g", help="Amount of the perturbation.")
+UNIT = Column(name="unit", dtype="string", compact=False, help="Unit of the level.")
+CATEGORY = Column(name="category", dtype="string", help="Category of the models.")
+MEAN = Column(
+    name="mean",
+    heading="CP %",
+    format=".2f",
+    unit="%",
+    lower_is_better=True,
+    help="Change Percentage: mean over models of the mean over repeats.",
+)
+BOUNDS = (
+    Column(name="ci_low", shown=False, help="Lower end of the 95 % interval of the mean."),
+    Column(name="ci_high", shown=False, help="Upper end of the 95 % interval of the mean."),
+)
+INTERVAL = Column(
+    name="interval",
+    heading="95 % interval",
+    template="{ci_low:.2f} – {ci_high:.2f}",
+    help="95 % bootstrap interval of the mean; models are resampled, then repeats.",
+)
+MEDIAN = Column(name="median", format=".2f", lower_is_better=True, help="Median over trials.")
+SEGMENTS = Column(
+    name="segments",
+    heading="segments (original)",
+    template="{n_segments:.1f} ({n_segments_reference:.1f})",
+    compact=False,
+    help="Mean number of segments after and before perturbing.",
+)
 
 
 @dataclass(frozen=True)
@@ -32,17 +86,17 @@ class Reference:
 
 @dataclass(frozen=True)
 class Variant:
-    """A perturbed mesh and its segmentation, beside the reference."""
+    """A perturbed mesh and its segmentation, with the reference."""
 
     reference: Reference
     mesh: trimesh.Trimesh
     labels: np.ndarray
     counterpart: np.ndarray
-    applied: dict
+    applied: Mapping[str, Any]
     seconds_perturb: float
     seconds_segment: float
 
-    def compared(self):
+    def compared(self) -> tuple[np.ndarray, np.ndarray]:
         """Labels of the reference and of the variant at the vertices of the original that still exist."""
         kept = self.counterpart >= 0
         return self.reference.labels[kept], self.labels[self.counterpart[kept]]
@@ -50,194 +104,351 @@ class Variant:
 
 @dataclass(frozen=True, kw_only=True)
 class ChangeTrial(Trial):
-    """One perturbation of one mesh, to be segmented and compared with the segmentation of the original.
+    """One perturbation of one mesh, whose segmentation is compared with that of the original.
 
-    perturbation : callable (trimesh.Trimesh, numpy.random.Generator) -> perturb.Perturbed
-    segmenter : studies.segmenters.Segmenter
+    Parameters
+    ----------
+    perturbation : Perturbation
+        callable (trimesh.Trimesh, numpy.random.Generator) -> perturb.Perturbed
+    segmenter : Segmenter
     """
 
-    perturbation: Callable
+    perturbation: Callable[[trimesh.Trimesh, np.random.Generator], perturb.Perturbed]
     segmenter: Segmenter
 
-    def prepare(self):
-        """The segmentation of the unperturbed mesh: Reference."""
-        loaded = self.model.load()
-        mesh = trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
-        return Reference(mesh, self.segmenter(mesh.vertices, mesh.faces))
+    def prepare(self) -> Reference:
+        """The segmentation of the unperturbed mesh."""
+        return self.reference()
 
-    def variant(self, reference):
-        """Perturb and segment: the trial's geometry."""
+    def reference(self, labels: np.ndarray | None = None) -> Reference:
+        """The model's mesh with these labels, or segmented if there are none."""
+        loaded = self.model.load()
+        mesh = perturb.as_trimesh(loaded.vertices, loaded.faces)
+        return Reference(mesh, self.segmenter(mesh.vertices, mesh.faces) if labels is None else labels)
+
+    def variant(self, reference: Reference, labels: np.ndarray | None = None) -> Variant:
+        """The perturbed mesh with these labels, or segmented if there are none."""
         start = time.perf_counter()
         perturbed = self.perturbation(reference.mesh, np.random.default_rng(self.seed))
         middle = time.perf_counter()
-        labels = self.segmenter(perturbed.mesh.vertices, perturbed.mesh.faces)
+        if labels is None:
+            labels = self.segmenter(perturbed.mesh.vertices, perturbed.mesh.faces)
         end = time.perf_counter()
         return Variant(
             reference, perturbed.mesh, labels, perturbed.counterpart, perturbed.applied, middle - start, end - middle
         )
 
-    def measure(self, reference):
-        outcome = self.variant(reference)
-        before, after = outcome.compared()
-        return {
+    def measure(self, prepared: Reference) -> dict[str, Any]:
+        """Perturb, segment and compare."""
+        reference, variant = prepared, self.variant(prepared)
+        before, after = variant.compared()
+        compared = Comparison(before, after, reference.mesh, np.flatnonzero(variant.counterpart >= 0))
+        values = {
             "n_vertices": len(reference.mesh.vertices),
             "n_faces": len(reference.mesh.faces),
-            "n_vertices_perturbed": len(outcome.mesh.vertices),
-            "n_faces_perturbed": len(outcome.mesh.faces),
+            "n_vertices_perturbed": len(variant.mesh.vertices),
+            "n_faces_perturbed": len(variant.mesh.faces),
             "n_compared": len(before),
             "n_segments_reference": len(np.unique(reference.labels)),
-            "n_segments": len(np.unique(outcome.labels)),
-            "change_percentage": change_percentage(before, after),
-            "van_dongen": van_dongen(before, after),
-            "rand_index_error": rand_index_error(before, after),
-            "seconds_perturb": outcome.seconds_perturb,
-            "seconds_segment": outcome.seconds_segment,
-            "applied": json.dumps(outcome.applied),
+            "n_segments": len(np.unique(variant.labels)),
+            **metrics.compare(compared),
+            "seconds_perturb": variant.seconds_perturb,
+            "seconds_segment": variant.seconds_segment,
+            "applied": json.dumps(variant.applied),
         }
+        kept = {"labels": variant.labels, "reference_labels": reference.labels} if self.keep_labels else {}
+        return values | kept
 
 
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One perturbation of a study and its levels.
+
+    Parameters
+    ----------
+    perturbation : mapping
+        ``_target_``, the dotted name of a subclass of perturb.Perturbation, and its options
+    levels : sequence of float
+    title : str
+    axis : str
+        what the levels are, without their unit
+    swept : str
+        the option of the perturbation that the levels replace
+    """
+
+    perturbation: Mapping[str, Any] | None = None
+    levels: Sequence[float] | None = None
+    title: str = ""
+    axis: str = ""
+    swept: str = "amount"
+
+    def at_levels(self, name: str) -> list[tuple[float, perturb.Perturbation]]:
+        """Each level with the perturbation at that level; ``name`` is for error messages."""
+        if not isinstance(self.perturbation, Mapping) or "_target_" not in self.perturbation:
+            raise StudyError(f"the study {name!r} has no perturbation: perturbation=NAME, or perturbation._target_=…")
+        options = {key: value for key, value in self.perturbation.items() if key != "_target_"}
+        if self.swept not in options:
+            raise StudyError(f"{name}: swept is {self.swept!r}: it must be one of {', '.join(options)}")
+        return [
+            (float(level), construct("perturbation", {**self.perturbation, self.swept: level}, StudyError))
+            for level in self._checked_levels(name)
+        ]
+
+    def _checked_levels(self, name: str) -> Sequence[float]:
+        if not isinstance(self.levels, Sequence) or isinstance(self.levels, str):
+            raise StudyError(f"{name}: levels is {self.levels!r}: it must be a list, as in 'levels=[0.1,0.2]'")
+        if not self.levels:
+            raise StudyError(f"{name}: levels is empty: give at least one, as in 'levels=[0.1,0.2]'")
+        for level in self.levels:
+            if isinstance(level, bool) or not isinstance(level, int | float):
+                raise StudyError(f"{name}: levels contains {level!r}, which is not a number")
+        if len(set(self.levels)) < len(self.levels):
+            raise StudyError(f"{name}: levels contains a value twice: {list(self.levels)}")
+        return self.levels
+
+    def unit_of(self, perturbation: perturb.Perturbation) -> str:
+        """Unit of the levels: the field ``unit`` for ``amount``, ``height_unit`` for ``height``."""
+        return str(getattr(perturbation, "unit" if self.swept == "amount" else f"{self.swept}_unit", ""))
+
+    def recipe(self, perturbation: perturb.Perturbation) -> dict[str, Any]:
+        """What determines the perturbation, but for its level: class, options, and version or code."""
+        options = {**(self.perturbation or {}), self.swept: None}
+        if not str(options["_target_"]).startswith("perturb."):
+            return {**options, "code": digest_of_code(type(perturbation))}
+        # The first version is not recorded: trials had been stored before there were others.
+        return options if perturbation.version == 1 else {**options, "version": perturbation.version}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gallery:
+    """Which variants the gallery shows, and how.
+
+    Parameters
+    ----------
+    models : int or list of str
+        how many models, or which; 0 for no gallery
+    columns : int
+        most levels shown
+    style : str
+        variant, on_original, transparent, edges or scaled
+    """
+
+    models: int | Sequence[str | int] = 3
+    columns: int = 6
+    style: str = "variant"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Change(Experiment):
-    """Change Percentage by level of one perturbation, or of several: the study's parts."""
+    """Change Percentage by level, of one perturbation or of several: the parts of the study.
 
-    headings: ClassVar[dict[str, str]] = tables.HEADINGS
-    notes = (
+    Parameters
+    ----------
+    perturbation, levels, title, axis, swept
+        of a study with a single part, see `Part`
+    parts : mapping of str to mapping, optional
+        of a study with several parts: the same options for each, by name
+    repeats : int
+        trials of each model at each level, each with its own seed
+    gallery : mapping, optional
+        see `Gallery`
+    """
+
+    perturbation: Mapping[str, Any] | None = None
+    levels: Sequence[float] | None = None
+    title: str = ""
+    axis: str = ""
+    swept: str = "amount"
+    parts: Mapping[str, Mapping[str, Any]] | None = None
+    repeats: int = 3
+    gallery: Mapping[str, Any] | Gallery | None = field(default_factory=Gallery)
+
+    columns: ClassVar[tuple[Column, ...]] = metrics.columns()
+    notes: ClassVar[str] = (
         "Change Percentage (CP): twice the share of points that must change their segment, in percent, under the best"
         " one-to-one matching of segments; its mean over models and repeats, with the 95 % bootstrap interval (models"
-        " resampled, then repeats). Paper: Benjamin et al. 2011, where it gives a figure; its models are not named. "
-        "van Dongen: van Dongen's distance in percent, the same where segments match one to one. Rand error: 1 − Rand"
-        " index. Segments: their mean number after and before."
+        " resampled, then repeats). van Dongen: van Dongen's distance in percent, equal to CP if segments match one to"
+        " one. Rand error: 1 − Rand index. Segments: their mean number after and before."
     )
 
-    def plan(self, cfg, dataset, segmenter):
-        repeats = whole_number("repeats", cfg.repeats)
-        perturbations = [
-            (name, level, perturbation, part.swept, recipe | _version(recipe["_target_"], perturbation))
-            for name, part in parts(cfg).items()
-            for recipe in [OmegaConf.to_container(part.perturbation, resolve=True) | {part.swept: None}]
-            for level, perturbation in _levels(name, part)
+    def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
+        """Every model under every segmenter, part, level and repeat."""
+        repeats = range(require_whole_number("repeats", self.repeats))
+        levels = [
+            (name, level, perturbation, part.unit_of(perturbation), part.recipe(perturbation))
+            for name, part in self.named_parts(study).items()
+            for level, perturbation in part.at_levels(name)
         ]
-        trials = []
-        study, method = cfg.study.name, segmenter.identity
+        trials: list[Trial] = []
         for model in dataset.models():
-            mesh = identity(model)
-            shares = digest(mesh, *method)
-            for part, level, perturbation, swept, recipe in perturbations:
-                # The seed leaves out the segmenter and the perturbation's other options: methods and readings are
-                # compared under the same draws.
-                seed_of = digests((part, mesh, perturbation.name, level))
-                id_of = digests((part, mesh, recipe, level), method)
-                unit = _unit(perturbation, swept)
-                for repeat in range(repeats):
-                    seed = int(seed_of(repeat)[:15], 16)
-                    trials.append(
-                        ChangeTrial(
-                            study=study,
-                            dataset=dataset.name,
-                            part=part,
-                            model=model,
-                            mesh_digest=mesh[1],
-                            perturbation=perturbation,
-                            segmenter=segmenter,
-                            perturbation_name=perturbation.name,
-                            segmenter_name=segmenter.name,
-                            level=level,
-                            unit=unit,
-                            repeat=repeat,
-                            seed=seed,
-                            group_key=shares,
-                            trial_id=id_of(repeat, seed)[:24],
+            identity = fingerprint(model)
+            for segmenter in segmenters:
+                group_key = digest(identity, *segmenter.fingerprint)
+                for part_name, level, perturbation, unit, recipe in levels:
+                    for repeat in repeats:
+                        # Neither the segmenter nor the perturbation's other options: methods, and ways to read the
+                        # source of a perturbation, are compared under the same draws.
+                        seed = int(digest(part_name, identity, perturbation.name, level, repeat)[:15], 16)
+                        trials.append(
+                            ChangeTrial(
+                                study=study,
+                                dataset=dataset.name,
+                                part=part_name,
+                                model=model,
+                                mesh_digest=identity[1],
+                                perturbation=perturbation,
+                                segmenter=segmenter,
+                                perturbation_name=perturbation.name,
+                                segmenter_name=segmenter.name,
+                                level=level,
+                                unit=unit,
+                                repeat=repeat,
+                                seed=seed,
+                                group_key=group_key,
+                                trial_id=digest(
+                                    part_name, identity, recipe, level, repeat, seed, *segmenter.fingerprint
+                                )[:24],
+                            )
                         )
-                    )
-        return trials
+        return self._with_labels_of_gallery(trials)
 
-    def tables(self, rows, cfg):
-        # Beside a perturbation of the user's own, the paper's figures would be those of another.
-        papers = {name: part.paper if _is_ours(part.perturbation._target_) else {} for name, part in parts(cfg).items()}
-        found = {"table": tables.summary(rows, papers)}
-        if rows["category"].nunique() > 1:
-            found["by_category"] = tables.by_category(rows)
-        return found
+    def named_parts(self, study: str) -> dict[str, Part]:
+        """The parts of the study by name; a study of a single perturbation is its own only part."""
+        if not self.parts:
+            options = {field.name: getattr(self, field.name) for field in dataclasses.fields(Part)}
+            return {study: Part(**options)}
+        return {name: _part(name, options) for name, options in self.parts.items()}
 
-    def display(self, table):
-        return tables.display(table)
+    def tables(self, rows: pd.DataFrame) -> list[Table]:
+        """Change Percentage by part and level; by category too if there are several."""
+        several_parts = rows["part"].nunique() > 1
+        own = [dataclasses.replace(PART, compact=several_parts), LEVEL, UNIT]
+        further = _further_metrics(rows)
+        table = Table(
+            name="table",
+            frame=summary(rows),
+            columns=(
+                SEGMENTER, *own, MEAN, *BOUNDS, INTERVAL, MEDIAN, PUBLISHED, *further, SEGMENTS, TRIALS, FAILURES
+            ),
+            notes=self.notes,
+            value="mean",
+        )  # fmt: skip
+        if rows["category"].nunique() < 2:
+            return [table]
+        by_category = Table(
+            name="by_category",
+            frame=_by_category(rows),
+            columns=(SEGMENTER, *own, CATEGORY, MEAN, *BOUNDS, INTERVAL, MEDIAN, TRIALS),
+        )
+        return [table, by_category]
 
-    def narrow(self, table):
-        several = table["part"].nunique() > 1
-        return (*(["part"] if several else []), "level", "mean", "interval", "median", "paper", "n", "failures")
+    def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
+        """A curve, or a panel per part."""
+        from studies.figures import charts
 
-    def claims(self, tables, cfg):
-        """Every level that the paper gives a figure for; of what it only shows, the level that its words are about."""
-        found = []
-        for row in tables["table"].itertuples():
-            part = parts(cfg)[row.part]
-            said = part.get("claim")
-            if not math.isnan(row.paper):
-                what = f"{part.title}: {row.level:g} {row.unit.replace('_', ' ')}"
-            elif said and np.isclose(said.level, row.level):
-                what = f"{part.title}: “{said.says}”"
-            else:
-                continue
-            found.append(Claim(what, row.paper, row.mean, row.ci_low, row.ci_high, " %"))
-        return found
+        parts = self.named_parts(study)
+        if len(parts) > 1:
+            named = {name: (part.title, part.axis) for name, part in parts.items()}
+            return {study: charts.part_panels(tables["table"], named, title)}
+        (part,) = parts.values()
+        return {study: charts.level_curve(tables["table"], rows, part.axis, title)}
 
-    def curves(self, rows, tables, cfg, title):
-        from studies.figures import curves as figures
+    def pictures(
+        self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
+    ) -> Iterable[Picture]:
+        """The gallery of segmented variants."""
+        from studies.figures.gallery import GalleryPicture, choose_trials
 
-        if len(parts(cfg)) > 1:
-            named = {name: (part.title, part.axis) for name, part in parts(cfg).items()}
-            return {cfg.study.name: figures.panels(tables["table"], named, title)}
-        return {cfg.study.name: figures.curve(tables["table"], rows, cfg.axis, title)}
+        gallery = self._checked_gallery()
+        good = set(rows.loc[rows["status"] == "ok", "trial_id"])
+        chosen = choose_trials(trials, good, gallery.models, gallery.columns)
+        if chosen:
+            axes = {name: part.axis for name, part in self.named_parts(study).items()}
+            yield GalleryPicture(chosen, rows, axes, gallery.style, title, labels)
 
-    def surfaces(self, trials, rows, cfg, title, engine):
-        from studies.figures import curves as figures
-        from studies.figures import surfaces as render
+    def _with_labels_of_gallery(self, trials: list[Trial]) -> list[Trial]:
+        """The trials, with those that the gallery will show told to keep their labels."""
+        from studies.figures.gallery import choose_trials
 
-        style = cfg.gallery.style
-        if style not in render.STYLES:
-            raise StudyError(f"gallery.style is {style!r}: choose one of {', '.join(render.STYLES)}")
-        shown = figures.gallery_trials(trials, rows, cfg.gallery.models, cfg.gallery.columns)
-        axes = {name: part.axis for name, part in parts(cfg).items()}
+        gallery = self._checked_gallery()
+        chosen = {
+            trial.trial_id for line in choose_trials(trials, None, gallery.models, gallery.columns) for trial in line
+        }
+        return [dataclasses.replace(trial, keep_labels=True) if trial.trial_id in chosen else trial for trial in trials]
 
-        def make():
-            # By the workers: where drawing off screen takes a process down, the study's results stand all the same.
-            pictures = map_ordered(engine, render.pictures, [(of_model, style) for of_model in shown])
-            return figures.gallery(list(zip(shown, pictures, strict=True)), rows, axes, style, title)
+    def _checked_gallery(self) -> Gallery:
+        from studies.figures.gallery import STYLES
 
-        if shown:
-            yield "gallery", " ".join([style, *(trial.trial_id for line in shown for trial in line)]), make
+        options = self.gallery
+        gallery = options if isinstance(options, Gallery) else Gallery(**(options or {"models": 0}))
+        if gallery.style not in STYLES:
+            raise StudyError(f"gallery.style is {gallery.style!r}: choose one of {', '.join(STYLES)}")
+        return gallery
 
 
-def parts(cfg):
-    """The parts of a study, each with title, axis, swept, paper, levels and perturbation: dict by name.
+def _part(name: str, options: Mapping[str, Any]) -> Part:
+    """A part from its options, of which some belong to the study that they were taken from."""
+    fields = {field.name for field in dataclasses.fields(Part)}
+    if "perturbation" not in options or "levels" not in options:
+        raise StudyError(f"parts.{name} needs a perturbation and levels")
+    return Part(**{key: value for key, value in options.items() if key in fields})
 
-    A study of one perturbation is its own only part.
+
+def summary(rows: pd.DataFrame) -> pd.DataFrame:
+    """Change Percentage by part and level, and by segmenter if there are several.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        trials, as stored
+
+    Returns
+    -------
+    DataFrame
+        columns segmenter (if there are several), part, level, unit; mean, ci_low and ci_high (its 95 % interval),
+        median; means of the other metrics and of the numbers of segments; n (trials that succeeded) and failures
     """
-    if not cfg.get("perturbation") and not cfg.get("parts"):
-        raise StudyError(f"the study {cfg.study.name!r} says no perturbation")
-    return cfg.get("parts") or {cfg.study.name: cfg}
+    keys = [*by_segmenter(rows), "part", "level", "unit"]
+    means = [*(column.name for column in _further_metrics(rows)), *SIZES]
+    records = []
+    for key, group in rows.groupby(keys, sort=False):
+        good = group[group["status"] == "ok"]
+        records.append(
+            {
+                **dict(zip(keys, key, strict=True)),
+                **_mean_and_interval(good),
+                **{name: model_mean(good, name) for name in means},
+                "n": len(good),
+                "failures": len(group) - len(good),
+            }
+        )
+    return frame_of(records, [*keys, "mean", "n", "failures"])
 
 
-def _levels(name, part):
-    """(level, the perturbation at that level) of a part."""
-    if not part.levels:
-        raise StudyError(f"{name}: levels is empty: give at least one, as in 'levels=[0.1,0.2]'")
-    if len(set(part.levels)) < len(part.levels):
-        raise StudyError(f"{name}: levels holds a value twice: {list(part.levels)}")
-    return [(float(level), hydra.utils.instantiate(part.perturbation, **{part.swept: level})) for level in part.levels]
+def _by_category(rows: pd.DataFrame) -> pd.DataFrame:
+    keys = [*by_segmenter(rows), "part", "level", "unit", "category"]
+    return frame_of(
+        (
+            {**dict(zip(keys, key, strict=True)), **_mean_and_interval(group), "n": len(group)}
+            for key, group in rows[rows["status"] == "ok"].groupby(keys, sort=False)
+        ),
+        [*keys, "mean", "n"],
+    )
 
 
-def _is_ours(target):
-    return target.startswith("perturb.")
+def _mean_and_interval(rows: pd.DataFrame) -> dict[str, float]:
+    low, high = interval_of_mean(rows, MEASURE)
+    return {"mean": model_mean(rows, MEASURE), "ci_low": low, "ci_high": high, "median": rows[MEASURE].median()}
 
 
-def _version(target, perturbation):
-    """What says by which code a perturbation works: the version of one of ours, the code itself of the user's own."""
-    if not _is_ours(target):
-        return {"code": digest_of_code(hydra.utils.get_object(target))}
-    # A first version goes without saying: trials were stored before there were others.
-    return {"version": perturbation.version} if perturbation.version > 1 else {}
+def _further_metrics(rows: pd.DataFrame) -> list[Column]:
+    """The metrics that the table shows next to the Change Percentage: those that the rows have values of.
 
-
-def _unit(perturbation, swept):
-    """The unit of the field that the levels stand for: ``unit`` of ``amount``, ``height_unit`` of ``height``."""
-    return str(getattr(perturbation, "unit" if swept == "amount" else f"{swept}_unit", ""))
+    Rows may be older than a metric.
+    """
+    none_succeeded = not (rows["status"] == "ok").any()
+    return [
+        dataclasses.replace(column, compact=False)
+        for column in metrics.columns()
+        if column.name != MEASURE and column.name in rows and (none_succeeded or rows[column.name].notna().any())
+    ]

@@ -1,88 +1,132 @@
-"""What a kind of study is: how it is planned, and what is shown of its rows."""
+"""What a kind of study is: how it is planned, and what is made of its rows."""
 
-import math
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from studies import planning
+from studies.columns import Column, Table, dtypes
+from studies.planning.errors import StudyError
+from studies.planning.trial import Trial
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+    from studies.datasets import Dataset
+    from studies.figures.charts import Chart
+    from studies.figures.pictures import Picture
+    from studies.segmenters import Segmenter
+
+    Labels = Callable[[str], Mapping[str, np.ndarray] | None]
+
+SEGMENTER = Column(name="segmenter", dtype="string", help="Segmentation method.")
+MODELS = Column(name="n", dtype="int64", heading="models", format=".0f", help="Models without a failed trial.")
+TRIALS = Column(name="n", dtype="int64", heading="n", format=".0f", help="Trials that succeeded.")
+FAILURES = Column(
+    name="failures", dtype="int64", heading="failed", format=".0f", lower_is_better=True, help="Trials that failed."
+)
+PUBLISHED = Column(name="published", help="Published value; `studies.reporting` puts the column of a publication here.")
 
 
-@dataclass(frozen=True)
-class Claim:
-    """A figure of the paper beside ours.
-
-    what : str
-    paper : float, NaN where the paper gives pictures alone
-    ours, low, high : float, our figure and its 95 % interval, NaN where there is none
-    unit : str, put behind the figures
-    digits : int
-    higher_is_better : bool
-    """
-
-    what: str
-    paper: float
-    ours: float
-    low: float
-    high: float
-    unit: str = ""
-    digits: int = 2
-    higher_is_better: bool = False
-
-    @property
-    def verdict(self):
-        """Same where the paper's figure lies in our interval, to the digits that are shown."""
-        if math.isnan(self.paper):
-            return "–"
-        low, high, paper = (round(value, self.digits) for value in (self.low, self.high, self.paper))
-        if math.isnan(self.low) or low <= paper <= high:
-            return "same" if not math.isnan(self.low) or round(self.ours, self.digits) == paper else "differs"
-        return "better" if (high < paper) != self.higher_is_better else "worse"
-
-
+@dataclass(frozen=True, kw_only=True)
 class Experiment(ABC):
-    """One kind of study. It holds no state: a configuration and rows go in, trials, tables and figures come out.
+    """One kind of study, with its options as fields.
 
-    columns : those that its rows have behind ``studies.planning.trial.COLUMNS``, with their types
-    headings : key in ``display`` -> heading of that column in table.md
-    notes : str, what the columns mean
+    A subclass is a frozen dataclass. Its options come from the node ``experiment`` of the configuration, and it knows
+    nothing else about the configuration, the command line or any publication.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+        what its rows have in addition to `studies.planning.trial.COLUMNS`
+    notes : str
+        what its tables show, in a few sentences
     """
 
-    columns: ClassVar[dict[str, str]] = {}
-    headings: ClassVar[dict[str, str]]
-    notes: ClassVar[str]
+    columns: ClassVar[tuple[Column, ...]] = ()
+    notes: ClassVar[str] = ""
 
     @abstractmethod
-    def plan(self, cfg, dataset, segmenter):
-        """The trials, model by model: list of studies.planning.trial.Trial.
+    def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
+        """The trials of a study, model by model.
 
-        cfg : DictConfig
-        dataset : studies.datasets.Dataset
-        segmenter : studies.segmenters.Segmenter
+        Trials with the same ``group_key`` must be consecutive. Seeds must not depend on the segmenter: methods are
+        compared under the same draws.
+
+        Parameters
+        ----------
+        study : str
+            name of the study
+        dataset : Dataset
+        segmenters : sequence of Segmenter
+            at least one
+
+        Raises
+        ------
+        StudyError
+            for options that define no trial
         """
 
     @abstractmethod
-    def tables(self, rows, cfg):
-        """What the rows come to: dict of file stem -> DataFrame; the first is ``table``, the study's own."""
+    def tables(self, rows: pd.DataFrame) -> list[Table]:
+        """What the rows amount to. The first table has the name "table" and is the study's main one.
 
-    @abstractmethod
-    def display(self, table):
-        """``table`` as text: a list of dicts with the keys of ``headings``."""
+        Parameters
+        ----------
+        rows : DataFrame
+            all rows of the study, failed ones too, in the order of the plan
+        """
 
-    @abstractmethod
-    def narrow(self, table):
-        """The keys in ``display`` that fit on a terminal."""
-
-    @abstractmethod
-    def claims(self, tables, cfg):
-        """The paper's figures beside ours: list of Claim."""
-
-    def curves(self, rows, tables, cfg, title):
-        """Figures made of the rows alone: dict of file stem -> matplotlib Figure."""
+    def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
+        """Charts made of tables and rows alone, by file stem."""
         return {}
 
-    def surfaces(self, trials, rows, cfg, title, engine):
-        """Pictures of surfaces, which are computed anew by the engine: yields (file stem, what it shows, make).
+    def pictures(
+        self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
+    ) -> Iterable[Picture]:
+        """Pictures of surfaces, which workers compute.
 
-        ``make()`` gives the matplotlib Figure, or raises studies.execution.engine.TaskFailedError; it is called only
-        where the file does not show that already.
+        Parameters
+        ----------
+        study : str
+        trials : sequence of Trial
+            the plan
+        rows : DataFrame
+            the rows of the plan that are stored
+        title : str
+        labels : callable
+            trial_id -> the arrays that ``measure`` returned with the row; None where they were not kept
         """
         return ()
+
+
+def row_columns(experiment: type[Experiment] | Experiment) -> tuple[Column, ...]:
+    """Every column of the rows of an experiment."""
+    return (*planning.trial.COLUMNS, *experiment.columns)
+
+
+def by_segmenter(rows: pd.DataFrame) -> list[str]:
+    """The columns that tables of these rows are grouped by first: the segmenter, if there are several."""
+    return ["segmenter"] if rows["segmenter"].nunique() > 1 else []
+
+
+def frame_of(records: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.DataFrame:
+    """A DataFrame of records; with the given columns if there are none."""
+    import pandas as pd
+
+    records = list(records)
+    return pd.DataFrame(records) if records else pd.DataFrame(columns=list(columns))
+
+
+def require_whole_number(name: str, value: Any) -> int:
+    """``value`` of the option ``name``, which must be a whole number of at least 1."""
+    if isinstance(value, bool) or not (isinstance(value, int) and value >= 1):
+        raise StudyError(f"{name} is {value!r}: it must be a whole number of at least 1")
+    return value
+
+
+__all__ = ["Experiment", "by_segmenter", "dtypes", "frame_of", "require_whole_number", "row_columns"]

@@ -1,21 +1,35 @@
-"""How far a segmentation moves from pose to pose (paper, section 6.2, Figures 6 and 7, which show pictures alone)."""
+"""How far a segmentation moves from pose to pose."""
+
+from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import combinations, groupby
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import trimesh
 
+from studies import metrics
+from studies.columns import Column, Table
 from studies.datasets import Model
-from studies.execution import map_ordered
-from studies.experiments.experiment import Claim, Experiment
-from studies.metrics import change_percentage, rand_index_error, van_dongen
-from studies.planning.plan import StudyError, digest, identity
+from studies.experiments.experiment import FAILURES, SEGMENTER, Experiment, by_segmenter, frame_of
+from studies.metrics import Comparison
+from studies.planning.errors import StudyError
+from studies.planning.fingerprint import digest, fingerprint
 from studies.planning.trial import Trial, reason
 from studies.segmenters import Segmenter
-from studies.statistics import tables
+from studies.statistics.bootstrap import interval_over_pairs
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from studies.datasets import Dataset
+    from studies.experiments.experiment import Labels
+    from studies.figures.charts import Chart
+    from studies.figures.pictures import Picture
+
+ALL_SHAPES = "all"
 
 
 @dataclass(frozen=True)
@@ -31,31 +45,36 @@ class Pose:
 
 @dataclass(frozen=True, kw_only=True)
 class PoseTrial(Trial):
-    """Two poses of a shape, each segmented on its own.
+    """Two poses of a shape, each segmented independently.
 
-    other : the model of the second pose
-    poses : every pose of the shape
-    segmenter : studies.segmenters.Segmenter
+    Parameters
+    ----------
+    other : Model
+        the second pose
+    poses : tuple of Model
+        every pose of the shape
+    segmenter : Segmenter
     """
 
     other: Model
     poses: tuple[Model, ...]
     segmenter: Segmenter
 
-    def known_values(self):
+    def known_values(self) -> dict[str, Any]:
+        """The name of the second pose."""
         return {"other": self.other.name}
 
-    def prepare(self):
-        """Every pose of the shape: dict, name -> Pose, or the reason why there is none."""
-        found = {}
+    def prepare(self) -> dict[str, Pose | str]:
+        """Every pose of the shape by name, or the reason why it could not be segmented."""
+        poses: dict[str, Pose | str] = {}
         for model in self.poses:
             try:
-                found[model.name] = self._segment(model)
+                poses[model.name] = self._segment(model)
             except Exception as error:
-                found[model.name] = reason(error)
-        return found
+                poses[model.name] = reason(error)
+        return poses
 
-    def _segment(self, model):
+    def _segment(self, model: Model) -> Pose:
         mesh = model.load()
         start = time.perf_counter()
         labels = self.segmenter(mesh.vertices, mesh.faces)
@@ -64,11 +83,9 @@ class PoseTrial(Trial):
             labels[model.correspondence()], len(mesh.vertices), len(mesh.faces), len(np.unique(labels)), seconds
         )
 
-    def measure(self, poses):
-        a, b = poses[self.model.name], poses[self.other.name]
-        for model, pose in ((self.model, a), (self.other, b)):
-            if isinstance(pose, str):
-                raise ValueError(f"pose {model.name}: {pose}")
+    def measure(self, prepared: Mapping[str, Pose | str]) -> dict[str, Any]:
+        """Compare the two poses."""
+        a, b = (_segmented(prepared, model) for model in (self.model, self.other))
         return {
             "n_vertices": a.n_vertices,
             "n_faces": a.n_faces,
@@ -77,136 +94,155 @@ class PoseTrial(Trial):
             "n_compared": len(a.labels),
             "n_segments_reference": a.n_segments,
             "n_segments": b.n_segments,
-            "change_percentage": change_percentage(a.labels, b.labels),
-            "van_dongen": van_dongen(a.labels, b.labels),
-            "rand_index_error": rand_index_error(a.labels, b.labels),
+            **metrics.compare(Comparison(a.labels, b.labels)),
             "seconds_segment": b.seconds,
         }
 
 
-class Poses(Experiment):
-    """Change Percentage between all pairs of poses of a shape; a shape is a category of the dataset."""
+def _segmented(poses: Mapping[str, Pose | str], model: Model) -> Pose:
+    pose = poses[model.name]
+    if isinstance(pose, str):
+        raise ValueError(f"pose {model.name}: {pose}")
+    return pose
 
-    columns: ClassVar[dict[str, str]] = {"other": "string"}
-    headings: ClassVar[dict[str, str]] = {
-        "shape": "shape",
-        "poses": "poses",
-        "pairs": "pairs",
-        "mean": "CP %",
-        "interval": "95 % interval",
-        "median": "median",
-        "largest": "largest",
-        "van_dongen": "van Dongen",
-        "segments": "segments",
-        "failures": "failed",
-    }
-    notes = (
-        "Every pose is segmented on its own; Change Percentage (CP, twice the share of points that must change their "
-        "segment, in percent) between all pairs of poses of a shape, at the points that the dataset says are the same"
-        " (TOSCA's lists at 5,000 vertices name some vertices more than once and some never). 95 % bootstrap interval"
-        " of the mean: poses resampled. The paper shows pictures and gives no figures. Segments: their smallest and "
-        "largest number over the poses."
+
+@dataclass(frozen=True, kw_only=True)
+class Poses(Experiment):
+    """Change Percentage between all pairs of poses of a shape; a shape is a category of the dataset.
+
+    Parameters
+    ----------
+    plates : mapping of str to mapping
+        pictures by file stem: ``models``, the names of poses, of which those in the study are shown, and ``upright``,
+        the vertical axis: 1 (y) or 2 (z)
+    columns_shown : int
+        how many poses a picture shows if none of its models is in the study
+    """
+
+    plates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    columns_shown: int = 6
+
+    columns: ClassVar[tuple[Column, ...]] = (
+        *metrics.columns(),
+        Column(name="other", dtype="string", help="Name of the second pose."),
+    )
+    notes: ClassVar[str] = (
+        "Every pose is segmented independently; Change Percentage (CP, twice the share of points that must change "
+        "their segment, in percent) between all pairs of poses of a shape, at the points that correspond according to "
+        "the dataset (TOSCA's lists at 5,000 vertices name some vertices more than once and some never). 95 % bootstrap"
+        " interval of the mean: poses resampled. Segments: their smallest and largest number over the poses."
     )
 
-    def narrow(self, table):
-        return ("shape", "poses", "pairs", "mean", "interval", "median", "largest", "failures")
-
-    def claims(self, tables, cfg):
-        row = tables["table"].iloc[-1]
-        what = f"Between all pairs of poses, {row['shape']} shapes" if row["shape"] == "all" else row["shape"]
-        return [Claim(what, np.nan, row["mean"], row["ci_low"], row["ci_high"], " %")]
-
-    def plan(self, cfg, dataset, segmenter):
-        trials = []
+    def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
+        """One trial per pair of poses of a shape and segmenter."""
+        trials: list[Trial] = []
         models = sorted(dataset.models(), key=lambda model: model.category)
         for shape, group in groupby(models, key=lambda model: model.category):
             poses = tuple(group)
-            meshes = {model.name: [*identity(model), model.correspondence_digest()] for model in poses}
-            shares = digest(meshes, *segmenter.identity)
-            for a, b in combinations(poses, 2):
-                trials.append(
-                    PoseTrial(
-                        study=cfg.study.name,
-                        dataset=dataset.name,
-                        part=shape,
-                        model=a,
-                        mesh_digest=meshes[a.name][1],
-                        other=b,
-                        poses=poses,
-                        segmenter=segmenter,
-                        segmenter_name=segmenter.name,
-                        perturbation_name="pose",
-                        group_key=shares,
-                        trial_id=digest("pose", meshes[a.name], meshes[b.name], *segmenter.identity)[:24],
+            identities = {model.name: [*fingerprint(model), model.correspondence_digest()] for model in poses}
+            for segmenter in segmenters:
+                group_key = digest(identities, *segmenter.fingerprint)
+                for a, b in combinations(poses, 2):
+                    trials.append(
+                        PoseTrial(
+                            study=study,
+                            dataset=dataset.name,
+                            part=shape,
+                            model=a,
+                            mesh_digest=identities[a.name][1],
+                            other=b,
+                            poses=poses,
+                            segmenter=segmenter,
+                            segmenter_name=segmenter.name,
+                            perturbation_name="pose",
+                            group_key=group_key,
+                            trial_id=digest("pose", identities[a.name], identities[b.name], *segmenter.fingerprint)[
+                                :24
+                            ],
+                        )
                     )
-                )
         if not trials:
             raise StudyError("no shape has two poses: a shape is a category of the dataset, such as a folder of files")
         return trials
 
-    def tables(self, rows, cfg):
-        import pandas as pd
+    def tables(self, rows: pd.DataFrame) -> list[Table]:
+        """One row per shape, and one for all of them."""
+        keys = by_segmenter(rows)
+        groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
+        records = []
+        for key, group in groups:
+            shapes = [_summary(str(shape), of_shape) for shape, of_shape in group.groupby("part", sort=False)]
+            if len(shapes) > 1:
+                shapes.append(_summary(ALL_SHAPES, group))
+            records += [dict(zip(keys, key, strict=True)) | shape for shape in shapes]
+        columns = (
+            SEGMENTER,
+            Column(name="shape", dtype="string", help="Shape: a category of the dataset."),
+            Column(name="poses", dtype="int64", help="Poses that were segmented."),
+            Column(name="pairs", dtype="int64", help="Pairs of poses."),
+            Column(name="mean", heading="CP %", format=".2f", lower_is_better=True, help="Mean Change Percentage."),
+            Column(name="ci_low", shown=False, help="Lower end of the 95 % interval of the mean."),
+            Column(name="ci_high", shown=False, help="Upper end of the 95 % interval of the mean."),
+            Column(
+                name="interval",
+                heading="95 % interval",
+                template="{ci_low:.2f} – {ci_high:.2f}",
+                help="95 % bootstrap interval of the mean over pairs, poses resampled.",
+            ),
+            Column(name="median", format=".2f", lower_is_better=True, help="Median over pairs."),
+            Column(name="largest", format=".1f", lower_is_better=True, help="Largest Change Percentage of a pair."),
+            Column(
+                name="van_dongen",
+                heading="van Dongen",
+                format=".2f",
+                lower_is_better=True,
+                compact=False,
+                help="Mean van Dongen distance in percent.",
+            ),
+            Column(
+                name="segments",
+                template="{fewest_segments:.0f} – {most_segments:.0f}",
+                compact=False,
+                help="Smallest and largest number of segments of a pose.",
+            ),
+            FAILURES,
+        )
+        return [Table("table", frame_of(records), columns, notes=self.notes)]
 
-        shapes = [_summary(shape, group) for shape, group in rows.groupby("part", sort=False)]
-        if len(shapes) > 1:
-            shapes.append(_summary("all", rows))
-        return {"table": pd.DataFrame(shapes)}
+    def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
+        """A matrix of pairs per shape, and per segmenter if there are several."""
+        from studies.figures import charts
 
-    def display(self, table):
-        return [
-            {
-                "shape": row.shape,
-                "poses": str(row.poses),
-                "pairs": str(row.pairs),
-                "mean": tables.number(row.mean, 2),
-                "interval": tables.interval_text(row.ci_low, row.ci_high, 2),
-                "median": tables.number(row.median, 2),
-                "largest": tables.number(row.largest, 1),
-                "van_dongen": tables.number(row.van_dongen, 2),
-                "segments": f"{tables.number(row.fewest_segments, 0)} – {tables.number(row.most_segments, 0)}",
-                "failures": str(row.failures),
-            }
-            for row in table.itertuples(index=False)
-        ]
+        keys = by_segmenter(rows)
+        groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
+        changes = {(shape, *key): matrix for key, group in groups for shape, matrix in pair_matrices(group).items()}
+        return {study: charts.pair_matrices(changes, title)}
 
-    def curves(self, rows, tables, cfg, title):
-        from studies.figures import curves as figures
+    def pictures(
+        self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
+    ) -> Iterable[Picture]:
+        """Some poses side by side, a part in the colour that it has in the first of its shape."""
+        from studies.figures.method_figures import PosePlate
 
-        return {cfg.study.name: figures.matrix(matrices(rows), title)}
-
-    def surfaces(self, trials, rows, cfg, title, engine):
-        """Each of the study's ``plates``: some poses, a part in the colour that it has in the first of its shape."""
-        there = {model.name: trial for trial in trials for model in trial.poses}
-        for stem, plate in cfg.plates.items():
-            poses = [str(name) for name in plate.models if str(name) in there]
-            shown = [(there[name], name) for name in poses or list(there)[: cfg.gallery.columns]]
-            shows = " ".join(f"{name} {trial.group_key}" for trial, name in shown)
-            yield stem, shows, lambda shown=shown, plate=plate: map_ordered(engine, _draw, [(shown, plate.upright)])[0]
+        by_pose = {model.name: trial for trial in reversed(trials) for model in getattr(trial, "poses", ())}
+        for stem, plate in self.plates.items():
+            named = [str(name) for name in plate["models"] if str(name) in by_pose]
+            all_poses = [model.name for trial in trials for model in getattr(trial, "poses", ())]
+            names = named or list(dict.fromkeys(all_poses))[: self.columns_shown]
+            yield PosePlate(stem, [(by_pose[name], name) for name in names], plate.get("upright", 1))
 
 
-def _draw(task):
-    """Some poses side by side: a matplotlib Figure."""
-    from studies.figures import plates
-    from studies.figures.surfaces import named_as
+def pair_matrices(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Change Percentage between the poses of each shape.
 
-    shown, upright = task
-    items, first = [], {}
-    for trial, name in shown:
-        model = next(model for model in trial.poses if model.name == name)
-        loaded = model.load()
-        mesh = trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
-        labels = trial.segmenter(mesh.vertices, mesh.faces)
-        here = labels[model.correspondence()]
-        before = first.setdefault(trial.part, here)
-        items.append((mesh, named_as(before, here, labels), name))
-    return plates.showcase(items, upright=upright)[0]
-
-
-def matrices(rows):
-    """Change Percentage between the poses of each shape: dict, shape -> symmetric DataFrame, NaN where it failed."""
+    Returns
+    -------
+    dict of str to DataFrame
+        by shape, a symmetric matrix whose index and columns are the poses, NaN where a trial failed
+    """
     import pandas as pd
 
-    found = {}
+    matrices = {}
     for shape, group in rows.groupby("part", sort=False):
         good = group[group["status"] == "ok"]
         names = list(dict.fromkeys([*good["model"], *good["other"]]))
@@ -216,15 +252,15 @@ def matrices(rows):
         values = half.to_numpy(dtype=float)
         values = np.where(np.isnan(values), values.T, values)
         np.fill_diagonal(values, 0)
-        found[shape] = pd.DataFrame(values, index=names, columns=names)
-    return found
+        matrices[str(shape)] = pd.DataFrame(values, index=names, columns=names)
+    return matrices
 
 
-def _summary(shape, rows):
+def _summary(shape: str, rows: pd.DataFrame) -> dict[str, Any]:
     import pandas as pd
 
     good = rows[rows["status"] == "ok"]
-    low, high = pose_interval(list(matrices(good).values()))
+    low, high = interval_over_pairs([matrix.to_numpy() for matrix in pair_matrices(good).values()])
     segments = pd.concat([good["n_segments"], good["n_segments_reference"]])
     return {
         "shape": shape,
@@ -240,26 +276,3 @@ def _summary(shape, rows):
         "most_segments": segments.max(),
         "failures": len(rows) - len(good),
     }
-
-
-def pose_interval(matrices):
-    """95 % percentile-bootstrap interval of the mean over pairs of poses, by drawing poses.
-
-    The pairs of one pose go together, so it is the poses that are the sample. A pose drawn twice makes no pair with
-    itself.
-
-    matrices : list of square DataFrames, a shape each
-    """
-    if not matrices or max(map(len, matrices)) < 3:
-        return np.nan, np.nan
-    rng = np.random.default_rng(0)
-    totals, counts = np.zeros(tables.RESAMPLES), np.zeros(tables.RESAMPLES)
-    for matrix in matrices:
-        values = matrix.to_numpy()
-        n = len(values)
-        there = ~np.isnan(values) & ~np.eye(n, dtype=bool)
-        weight = rng.multinomial(n, np.full(n, 1 / n), size=tables.RESAMPLES).astype(float)
-        totals += np.einsum("ri,ij,rj->r", weight, np.where(there, values, 0), weight)
-        counts += np.einsum("ri,ij,rj->r", weight, there.astype(float), weight)
-    means = totals[counts > 0] / counts[counts > 0]
-    return tuple(np.quantile(means, [0.025, 0.975]).tolist())

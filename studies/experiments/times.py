@@ -1,200 +1,235 @@
-"""How the number of segments depends on the time that heat flows (paper, section 6.7, Figure 15)."""
+"""How the number of segments depends on the time for which heat flows."""
 
-from dataclasses import dataclass
-from typing import ClassVar
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import trimesh
 
-from studies.execution import map_ordered
-from studies.experiments.experiment import Claim, Experiment
-from studies.metrics import change_percentage, rand_index_error, van_dongen
-from studies.planning.plan import StudyError, digest, identity, whole_number
+from studies import metrics
+from studies.columns import Column, Table
+from studies.experiments.change import summary
+from studies.experiments.experiment import (
+    FAILURES,
+    MODELS,
+    PUBLISHED,
+    SEGMENTER,
+    Experiment,
+    by_segmenter,
+    frame_of,
+    require_whole_number,
+)
+from studies.metrics import Comparison
+from studies.planning.errors import StudyError
+from studies.planning.fingerprint import digest, fingerprint
 from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
-from studies.statistics import tables
+from studies.statistics.bootstrap import interval_of_mean
 
-# The time that the others are compared with: the paper's for all its other experiments.
-USUAL_TIME = 1.0
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from studies.datasets import Dataset, Model
+    from studies.experiments.experiment import Labels
+    from studies.figures.charts import Chart
+    from studies.figures.pictures import Picture
+
+# The time that the others are compared with: the usual one of all other studies.
+REFERENCE_TIME = 1.0
 
 # Segments of at least this share of the vertices are counted in ``n_large_segments``.
-LARGE = 0.01
+LARGE_SHARE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
 class TimeTrial(Trial):
     """One model at one time.
 
-    times : every time of the study: one eigenproblem serves them all
-    segmenter : studies.segmenters.Segmenter, of a Heat Walk
+    Parameters
+    ----------
+    times : tuple of float
+        every time of the study: one eigenproblem serves them all
+    segmenter : Segmenter
+        of a Heat Walk
     """
 
     times: tuple[float, ...]
     segmenter: Segmenter
 
-    def prepare(self):
-        """The model's labels at every time and at the usual one."""
+    def prepare(self) -> tuple[int, int, dict[float, np.ndarray]]:
+        """The numbers of vertices and faces, and the labels at every time."""
         mesh = self.model.load()
-        times = sorted({*self.times, USUAL_TIME})
+        times = sorted({*self.times, REFERENCE_TIME})
         labels = self.segmenter.method.at_times(mesh.vertices, mesh.faces, times)
         return len(mesh.vertices), len(mesh.faces), dict(zip(times, labels, strict=True))
 
-    def measure(self, prepared):
+    def measure(self, prepared: tuple[int, int, Mapping[float, np.ndarray]]) -> dict[str, Any]:
+        """Count the segments, and compare with those at the reference time."""
         n_vertices, n_faces, labels = prepared
-        usual, here = labels[USUAL_TIME], labels[self.level]
-        sizes = np.unique(here, return_counts=True)[1]
+        reference, at_level = labels[REFERENCE_TIME], labels[self.level]
+        sizes = np.unique(at_level, return_counts=True)[1]
         return {
             "n_vertices": n_vertices,
             "n_faces": n_faces,
             "n_compared": n_vertices,
-            "n_segments_reference": len(np.unique(usual)),
+            "n_segments_reference": len(np.unique(reference)),
             "n_segments": len(sizes),
-            "n_large_segments": int((sizes >= LARGE * n_vertices).sum()),
-            "change_percentage": change_percentage(usual, here),
-            "van_dongen": van_dongen(usual, here),
-            "rand_index_error": rand_index_error(usual, here),
+            "n_large_segments": int((sizes >= LARGE_SHARE * n_vertices).sum()),
+            **metrics.compare(Comparison(reference, at_level)),
         }
 
 
+@dataclass(frozen=True, kw_only=True)
 class Times(Experiment):
-    """The number of segments over logarithmically spaced times, and how many models keep theirs over an interval."""
+    """The number of segments over logarithmically spaced times, and how many models keep theirs over an interval.
 
-    columns: ClassVar[dict[str, str]] = {"n_large_segments": "Int64"}
-    headings: ClassVar[dict[str, str]] = {
-        "interval": "times",
-        "counted": "segments counted",
-        "times": "times tried",
-        "unchanged": "unchanged %",
-        "bounds": "95 % interval",
-        "paper": "paper",
-        "within_one": "within ±1 %",
-        "n": "models",
-        "failures": "failed",
-    }
-    notes = (
+    Parameters
+    ----------
+    times : mapping
+        ``first``, ``last`` and ``count`` of the times, in the segmenter's unit; the ends of the intervals and the
+        reference time 1 are added
+    intervals : sequence of (float, float)
+    models_drawn : int or None
+        how many models of the dataset, drawn at random; None for all
+    seed : int
+        of that draw
+    plate : mapping
+        the picture: ``models``, of which the first in the study is shown, by default the study's first; ``times``
+    """
+
+    times: Mapping[str, Any]
+    intervals: Sequence[tuple[float, float]] = ()
+    models_drawn: int | None = None
+    seed: int = 0
+    plate: Mapping[str, Any] = field(default_factory=dict)
+
+    columns: ClassVar[tuple[Column, ...]] = (
+        *metrics.columns(),
+        Column(name="n_large_segments", dtype="Int64", help="Segments of at least 1 % of the vertices."),
+    )
+    notes: ClassVar[str] = (
         "Share of models whose number of segments is the same at every time tried in the interval, in percent, with "
         "its 95 % bootstrap interval over models; and whose largest and smallest numbers differ by at most one. "
-        "Large: segments of at least 1 % of the vertices. Coarse: at the interval's ends and at the time 1 alone. "
-        "Paper: Benjamin et al. 2011, section 6.7, which does not say how times were spaced within an interval nor "
-        "what was counted."
+        "Large: segments of at least 1 % of the vertices. Coarse: only at the interval's ends and at time 1."
     )
 
-    def narrow(self, table):
-        return ("interval", "counted", "times", "unchanged", "bounds", "paper", "n", "failures")
-
-    def claims(self, tables, cfg):
-        return [
-            Claim(
-                f"Models whose number of segments does not change for times {row.low:g} to {row.high:g}",
-                row.paper, row.unchanged, row.ci_low, row.ci_high, " %", digits=1, higher_is_better=True,
-            )
-            for row in tables["table"].itertuples()
-            if row.counted == "all"
-        ]  # fmt: skip
-
-    def plan(self, cfg, dataset, segmenter):
-        if not hasattr(segmenter.method, "at_times"):
-            raise StudyError(f"the study {cfg.study.name} is about heat's time, which {segmenter.name} does not have")
-        times = _times(cfg)
-        models = dataset.models()
-        if cfg.models_drawn is not None and whole_number("models_drawn", cfg.models_drawn) < len(models):
-            drawn = np.random.default_rng(cfg.seed).choice(len(models), cfg.models_drawn, replace=False)
-            models = [models[i] for i in sorted(drawn)]
-        trials = []
-        for model in models:
-            mesh = identity(model)
-            shares = digest(mesh, *segmenter.identity, times)
-            trials += [
-                TimeTrial(
-                    study=cfg.study.name,
-                    dataset=dataset.name,
-                    part=cfg.study.name,
-                    model=model,
-                    mesh_digest=mesh[1],
-                    times=times,
-                    segmenter=segmenter,
-                    segmenter_name=segmenter.name,
-                    perturbation_name="time",
-                    level=time,
-                    unit=segmenter.method.time_unit,
-                    group_key=shares,
-                    trial_id=digest("time", mesh, time, *segmenter.identity)[:24],
+    def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
+        """One trial per model, segmenter and time."""
+        for segmenter in segmenters:
+            if not hasattr(segmenter.method, "at_times"):
+                raise StudyError(
+                    f"the study {study} varies the time of heat flow, which {segmenter.name} does not have"
                 )
-                for time in times
-            ]
+        times = self._all_times()
+        trials: list[Trial] = []
+        for model in self._drawn(dataset.models()):
+            identity = fingerprint(model)
+            for segmenter in segmenters:
+                group_key = digest(identity, *segmenter.fingerprint, times)
+                trials += [
+                    TimeTrial(
+                        study=study,
+                        dataset=dataset.name,
+                        part=study,
+                        model=model,
+                        mesh_digest=identity[1],
+                        times=times,
+                        segmenter=segmenter,
+                        segmenter_name=segmenter.name,
+                        perturbation_name="time",
+                        level=time,
+                        unit=segmenter.method.time_unit,
+                        group_key=group_key,
+                        trial_id=digest("time", identity, time, *segmenter.fingerprint)[:24],
+                    )
+                    for time in times
+                ]
         return trials
 
-    def tables(self, rows, cfg):
-        import pandas as pd
+    def _drawn(self, models: Sequence[Model]) -> Sequence[Model]:
+        if self.models_drawn is None or require_whole_number("models_drawn", self.models_drawn) >= len(models):
+            return models
+        drawn = np.random.default_rng(self.seed).choice(len(models), self.models_drawn, replace=False)
+        return [models[i] for i in sorted(drawn)]
 
-        intervals = [(float(low), float(high), paper) for low, high, paper in cfg.intervals]
-        return {
-            "table": pd.DataFrame(
-                summary | {"paper": paper} for low, high, paper in intervals for summary in _unchanged(rows, low, high)
-            ),
-            "by_time": tables.summary(rows, {cfg.study.name: {}}),
-        }
+    def _all_times(self) -> tuple[float, ...]:
+        """The times of the study, and the ends of its intervals, ascending."""
+        first, last = self.times["first"], self.times["last"]
+        count = require_whole_number("times.count", self.times["count"])
+        if not 0 < first < last:
+            raise StudyError(f"times.first={first} and times.last={last}: give two times with 0 < first < last")
+        ends = [float(end) for interval in self._pairs() for end in interval]
+        # Rounded, so that a time is the same number on every machine and in its row.
+        return tuple(sorted({*np.geomspace(first, last, count).round(6).tolist(), *ends, REFERENCE_TIME}))
 
-    def display(self, table):
+    def _pairs(self) -> list[tuple[float, float]]:
+        """The intervals, checked."""
+        for interval in self.intervals:
+            if not isinstance(interval, Sequence) or len(interval) != 2 or not 0 < interval[0] < interval[1]:
+                raise StudyError(f"intervals contains {interval!r}: each must be two times [first, last], first < last")
+        return [(float(low), float(high)) for low, high in self.intervals]
+
+    def tables(self, rows: pd.DataFrame) -> list[Table]:
+        """One row per interval and way of counting; and the Change Percentage by time."""
+        keys = by_segmenter(rows)
+        groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
+        records = [
+            dict(zip(keys, key, strict=True)) | record
+            for key, group in groups
+            for low, high in self._pairs()
+            for record in _unchanged(group, low, high)
+        ]
+        columns = (
+            SEGMENTER,
+            Column(name="low", shown=False, help="First time of the interval."),
+            Column(name="high", shown=False, help="Last time of the interval."),
+            Column(name="interval", heading="times", template="{low:g} – {high:g}", help="Interval of times."),
+            Column(name="counted", dtype="string", heading="segments counted", help="Which segments are counted."),
+            Column(name="times", dtype="int64", heading="times tried", compact=False,
+                   help="Times within the interval."),
+            Column(name="unchanged", heading="unchanged %", format=".1f", lower_is_better=False,
+                   help="Share of models with the same number of segments at every time."),
+            Column(name="bounds", heading="95 % interval", template="{ci_low:.1f} – {ci_high:.1f}",
+                   help="95 % bootstrap interval over models."),
+            PUBLISHED,
+            Column(name="within_one", heading="within ±1 %", format=".1f", lower_is_better=False, compact=False,
+                   help="Share of models whose numbers of segments differ by at most one."),
+            MODELS,
+            FAILURES,
+        )  # fmt: skip
         return [
-            {
-                "interval": f"{row.low:g} – {row.high:g}",
-                "counted": row.counted,
-                "times": str(row.times),
-                "unchanged": tables.number(row.unchanged, 1),
-                "bounds": tables.interval_text(row.ci_low, row.ci_high, 1),
-                "paper": tables.number(row.paper, 1),
-                "within_one": tables.number(row.within_one, 1),
-                "n": str(row.n),
-                "failures": str(row.failures),
-            }
-            for row in table.itertuples()
+            Table("table", frame_of(records), columns, notes=self.notes, value="unchanged"),
+            Table("by_time", summary(rows), value="mean"),
         ]
 
-    def surfaces(self, trials, rows, cfg, title, engine):
-        """Figure 15: one model, the named or the first, at a few times."""
+    def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
+        """The number of segments over time, and how much it varies within the intervals."""
+        from studies.figures import charts
+
+        return {study: charts.segment_counts(rows[rows["status"] == "ok"], self._pairs(), title)}
+
+    def pictures(
+        self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
+    ) -> Iterable[Picture]:
+        """One model at a few times."""
+        from studies.figures.method_figures import TimePlate
+
+        if not self.plate:
+            return
         first = {trial.model.name: trial for trial in reversed(trials)}
-        named = [first[str(name)] for name in cfg.figure15.models if str(name) in first]
-        shown = (named or [trials[0]])[0]
-        times = list(cfg.figure15.times)
-        shows = f"{shown.model.name} {shown.group_key} {times}"
-        yield "figure15", shows, lambda: map_ordered(engine, _draw, [(shown, times)])[0]
-
-    def curves(self, rows, tables, cfg, title):
-        from studies.figures import curves as figures
-
-        intervals = [(float(low), float(high)) for low, high, _ in cfg.intervals]
-        return {cfg.study.name: figures.times(rows[rows["status"] == "ok"], intervals, title)}
+        named = [first[str(name)] for name in self.plate["models"] if str(name) in first]
+        yield TimePlate(self.plate["stem"], (named or [trials[0]])[0], list(self.plate["times"]))
 
 
-def _draw(task):
-    """One model at several times: a matplotlib Figure."""
-    from studies.figures import plates
-
-    trial, times = task
-    loaded = trial.model.load()
-    mesh = trimesh.Trimesh(loaded.vertices, loaded.faces, process=False)
-    usual, *segmentations = trial.segmenter.method.segmentations(mesh.vertices, mesh.faces, [USUAL_TIME, *times])
-    return plates.over_time(mesh, segmentations, usual)[0]
-
-
-def _times(cfg):
-    """The times of the study, and the ends of its intervals, ascending."""
-    first, last, count = cfg.times.first, cfg.times.last, whole_number("times.count", cfg.times.count)
-    if not 0 < first < last:
-        raise StudyError(f"times.first={first} and times.last={last}: give two times with 0 < first < last")
-    ends = [float(end) for low, high, _ in cfg.intervals for end in (low, high)]
-    # Rounded, so that a time is the same number on every machine and in its row.
-    return tuple(sorted({*np.geomspace(first, last, count).round(6).tolist(), *ends, USUAL_TIME}))
-
-
-def _unchanged(rows, low, high):
+def _unchanged(rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str, Any]]:
     """The shares of models that keep their number of segments from ``low`` to ``high``, by each way of counting."""
     import pandas as pd
 
     good = rows[(rows["status"] == "ok") & rows["level"].between(low, high)]
     failed = int((rows.groupby("model")["status"].agg(lambda status: (status != "ok").any())).sum())
-    coarse = good[good["level"].isin([low, USUAL_TIME, high])]
+    coarse = good[good["level"].isin([low, REFERENCE_TIME, high])]
     for counted, column, kept in (
         ("all", "n_segments", good),
         ("all, coarse", "n_segments", coarse),
@@ -204,7 +239,7 @@ def _unchanged(rows, low, high):
         numbers = kept.groupby("model")[column]
         spread = numbers.max() - numbers.min()
         same = pd.DataFrame({"model": spread.index, "same": 100.0 * (spread == 0).to_numpy(dtype=float)})
-        ci_low, ci_high = tables.interval(same, "same")
+        ci_low, ci_high = interval_of_mean(same, "same")
         yield {
             "low": low,
             "high": high,
@@ -213,7 +248,7 @@ def _unchanged(rows, low, high):
             "unchanged": same["same"].mean(),
             "ci_low": ci_low,
             "ci_high": ci_high,
-            "within_one": 100.0 * (spread <= 1).mean(),
+            "within_one": 100.0 * float((spread <= 1).to_numpy(dtype=float).mean()),
             "n": len(same),
             "failures": failed,
         }

@@ -1,279 +1,196 @@
-"""Pictures of surfaces, drawn off screen: segments, functions on the surface, marked points."""
+"""Pictures of surfaces, rendered off screen: segments, functions on the surface, marked points."""
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from heatwalk import faces_from_vertices
-from heatwalk.io.files import label_colours
-from studies.metrics import match_labels
+from studies.figures.colours import face_colours
+from studies.figures.style import FIELD_COLOURS
+from studies.figures.views import View
 
-TILE = (720, 600)  # pixels, width and height: 2.4 in at 300 dpi
-MARGIN = 0.04  # of the tile, left white on each side
-TILT = 20  # degrees that the camera looks down from the side
-FIELD_COLOURS = "viridis"  # perceptually uniform, and read in grey and by the colour-blind
-MARK = "#d00000"
-TRANSPARENT = 0.35  # opacity of a surface through which its tubes are seen
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
 
-STYLES = ("variant", "on_original", "transparent", "edges", "scaled")
+TILE = (720, 600)  # width and height in pixels: 2.4 inches at 300 dots per inch
+MARGIN = 0.04  # share of the picture that is left white on each side
+MARK_COLOUR = "#d00000"
+CREASE = 45  # degrees between faces from which an edge is drawn sharp
 
+# Direction and intensity of the lights: from one side of the camera, which makes relief visible, and weakly from the
+# other.
+LIGHTS = (((-0.4, 0.6, 1.0), 0.85), ((0.8, -0.2, 0.6), 0.3))
 
-@dataclass(frozen=True)
-class View:
-    """Where a shape is looked at from, and what the picture holds.
-
-    Attributes
-    ----------
-    axes : (3, 3) array, rows right, up and towards the camera
-    centre : (3,) array, in the middle of the picture
-    extent : (2,) array, width and height of what has to be seen, in the shape's own unit
-    """
-
-    axes: np.ndarray
-    centre: np.ndarray
-    extent: np.ndarray
-
-
-def view_of(vertices, upright=1):
-    """The view of a shape, framed on it: View.
-
-    Across the direction in which it is thinnest, so that it spreads before the camera; upright along the given
-    axis, or where that points at the camera along the other of y and z.
-
-    Parameters
-    ----------
-    vertices : (n, 3) float array
-    upright : 1 or 2, the axis y, as most models have it, or z, as those of TOSCA have it
-    """
-    centred = vertices - vertices.mean(axis=0)
-    _, axes = np.linalg.eigh(centred.T @ centred)
-    towards = axes[:, 0] * np.sign(axes[np.abs(axes[:, 0]).argmax(), 0])
-    up = np.eye(3)[upright if abs(towards[upright]) < 0.7 else 3 - upright]
-    up = up - towards * (towards @ up)
-    up /= np.linalg.norm(up)
-    tilt = np.deg2rad(TILT)
-    towards, up = np.cos(tilt) * towards + np.sin(tilt) * up, np.cos(tilt) * up - np.sin(tilt) * towards
-    return framed(vertices, np.array([np.cross(up, towards), up, towards]))
-
-
-def framed(vertices, axes):
-    """The view along given axes, (3, 3), with the vertices filling the picture: View."""
-    turned = vertices @ axes.T
-    low, high = turned.min(axis=0), turned.max(axis=0)
-    return View(axes, (low + high) / 2 @ axes, (high - low)[:2])
+# No highlights, so that what is lit keeps its hue. A function is shaded less, since its values are read from colours.
+SEGMENT_MATERIAL: dict[str, Any] = {"ambient": 0.3, "diffuse": 0.75, "specular": 0.0}
+FIELD_MATERIAL: dict[str, Any] = {"ambient": 0.5, "diffuse": 0.5, "specular": 0.0}
 
 
 def surface(
-    mesh,
-    view,
+    mesh: trimesh.Trimesh,
+    view: View,
     *,
-    labels=None,
-    colours=None,
-    field=None,
-    clim=None,
-    points=None,
-    contour=None,
-    solid=None,
-    opacity=1.0,
-    edges=False,
-    size=TILE,
-):
-    """Draw a surface on white: (height, width, 3) uint8 array. The same arguments give the same bytes.
+    labels: np.ndarray | None = None,
+    colours: np.ndarray | None = None,
+    field: np.ndarray | None = None,
+    field_range: tuple[float, float] | None = None,
+    points: np.ndarray | list[int] | None = None,
+    contour: tuple[np.ndarray, float] | None = None,
+    solid: np.ndarray | None = None,
+    opacity: float = 1.0,
+    edges: bool = False,
+    size: tuple[int, int] = TILE,
+) -> np.ndarray:
+    """Render a surface on white. The same arguments give the same bytes.
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh of n vertices and m faces
+    mesh : trimesh.Trimesh
+        n vertices and m faces
     view : View
     labels : (n,) int array, optional
-        a segment a vertex, each in the colour of ``heatwalk.io.files.label_colours``, the background (-1) in its grey.
+        segment of each vertex, shown in the colours of ``heatwalk.io.label_colours``; the background (-1) is grey.
         Without labels, colours and field the whole surface is grey.
     colours : (n, 3) uint8 array, optional
-        a colour a vertex instead; a face has that of its first corner
+        colour of each vertex, instead of labels; a face has the colour of its first corner
     field : (n,) float array, optional
-        a function to show in ``FIELD_COLOURS`` instead
-    clim : (low, high), optional
-        what the ends of the colours stand for; the smallest and largest value without
+        function to show in ``FIELD_COLOURS``, instead of labels
+    field_range : (low, high), optional
+        values of the field at the ends of the colours; by default its smallest and largest value
     points : (p,) int array, optional
         vertices marked by a ball
     contour : ((n,) float array, level), optional
-        a line drawn where this function has this level
+        function on the surface, and the level of it at which a line is drawn
     solid : (m,) bool array, optional
         faces drawn black, and opaque whatever the opacity
-    opacity : float, of the surface, 0 to 1
-    edges : bool, whether to draw the triangles' edges
-    size : (width, height) in pixels
+    opacity : float
+        opacity of the surface, 0 to 1
+    edges : bool
+        whether to draw the edges of the triangles
+    size : (width, height)
+        in pixels
+
+    Returns
+    -------
+    (height, width, 3) uint8 array
 
     Raises
     ------
     ValueError
-        when more than one of labels, colours and field is given
+        if more than one of labels, colours and field is given
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from studies.figures.views import view_of
+    >>> box = trimesh.creation.box()
+    >>> surface(box, view_of(box.vertices), size=(120, 100)).shape
+    (100, 120, 3)
     """
-    import pyvista  # not before something is drawn: figures of curves take a colour from here, and no VTK
+    import pyvista  # loads VTK, which only rendering needs
 
     if sum(shown is not None for shown in (labels, colours, field)) > 1:
-        raise ValueError("a surface shows labels, colours or a field: leave out the others")
-    # In units of the picture, turned to the camera, which then looks along z: coordinates of any size draw alike.
-    width, height = size
-    unit = max(view.extent[0] / width, view.extent[1] / height) / (1 - 2 * MARGIN)
-    vertices = (np.asarray(mesh.vertices) - view.centre) @ view.axes.T / unit
+        raise ValueError("labels, colours and field exclude each other: give one of them")
+    vertices = _picture_coordinates(np.asarray(mesh.vertices), view, size)
     shape = pyvista.PolyData.from_regular_faces(vertices, mesh.faces)
+    paint = _paint(shape, np.asarray(mesh.faces), labels, colours, field, field_range)
+    material = SEGMENT_MATERIAL if field is None else FIELD_MATERIAL
+    with pyvista.vtk_verbosity("off"):  # without a screen, VTK warns and then renders correctly
+        plotter = _lit_plotter(size)
+        try:
+            if solid is not None:
+                plotter.add_mesh(_part(shape, solid), color="black", lighting=False)
+            rest = shape if solid is None else _part(shape, ~solid)
+            plotter.add_mesh(
+                _creased(rest), opacity=opacity, show_edges=edges, edge_opacity=0.5, line_width=1.0,
+                show_scalar_bar=False, **paint, **material,
+            )  # fmt: skip
+            if contour is not None:
+                _add_contour(plotter, shape, *contour, radius=0.004 * size[0])
+            if points is not None:
+                _add_balls(plotter, vertices[points], 0.014 * size[0], material)
+            if opacity < 1:
+                plotter.enable_depth_peeling(number_of_peels=12)
+            plotter.enable_anti_aliasing("ssaa")
+            _look_along_z(plotter, vertices, size[1])
+            return np.asarray(plotter.screenshot(return_img=True))
+        finally:
+            plotter.close()
+
+
+def _picture_coordinates(vertices: np.ndarray, view: View, size: tuple[int, int]) -> np.ndarray:
+    """Vertices turned to the camera, in pixels around the middle: a shape of any size and place renders alike."""
+    unit = max(view.extent[0] / size[0], view.extent[1] / size[1]) / (1 - 2 * MARGIN)
+    return (vertices - view.centre) @ view.axes.T / unit
+
+
+def _paint(
+    shape: pyvista.PolyData,
+    faces: np.ndarray,
+    labels: np.ndarray | None,
+    colours: np.ndarray | None,
+    field: np.ndarray | None,
+    field_range: tuple[float, float] | None,
+) -> dict[str, Any]:
+    """Attach what is shown to the shape: arguments that tell ``Plotter.add_mesh`` to show it."""
     if field is not None:
         shape.point_data["field"] = field
-        painted = {"scalars": "field", "cmap": FIELD_COLOURS, "clim": clim, "interpolate_before_map": True}
-    else:
-        shape.cell_data["colour"] = _of_segments(labels, mesh.faces) if colours is None else colours[mesh.faces[:, 0]]
-        painted = {"scalars": "colour", "rgb": True}
-    if contour is not None:
-        shape.point_data["contour"] = contour[0]
-    if solid is not None:
-        shape.cell_data["solid"] = solid
-
-    with pyvista.vtk_verbosity("off"):  # VTK warns where there is no screen, and draws all the same
-        plotter = pyvista.Plotter(off_screen=True, window_size=size, lighting="none")
-        plotter.background_color = "white"
-        # From beside the camera, so that the surface's relief is seen, and weakly from the other side.
-        for position, intensity in (((-0.4, 0.6, 1.0), 0.85), ((0.8, -0.2, 0.6), 0.3)):
-            plotter.add_light(pyvista.Light(position=position, intensity=intensity, light_type="camera light"))
-        # No highlights: what is lit keeps the hue of its segment. Less shade on a function, whose colours are read off.
-        material = {
-            "ambient": 0.3 if field is None else 0.5,
-            "diffuse": 0.75 if field is None else 0.5,
-            "specular": 0.0,
-        }
-        rest = shape
-        if solid is not None:
-            rest = shape.extract_cells(np.flatnonzero(~solid)).extract_surface(algorithm=None)
-            tubes = shape.extract_cells(np.flatnonzero(solid)).extract_surface(algorithm=None)
-            plotter.add_mesh(tubes, color="black", lighting=False)
-        plotter.add_mesh(
-            _creased(rest), opacity=opacity, show_edges=edges, edge_opacity=0.5, line_width=1.0,
-            show_scalar_bar=False, **painted, **material,
-        )  # fmt: skip
-        if contour is not None:
-            line = shape.contour([contour[1]], scalars="contour")
-            if line.n_points:
-                plotter.add_mesh(line.tube(radius=0.004 * width), color="black", lighting=False)
-        if points is not None:
-            balls = pyvista.PolyData(vertices[points]).glyph(
-                geom=pyvista.Sphere(radius=0.014 * width), scale=False, orient=False
-            )
-            plotter.add_mesh(balls, color=MARK, **material)
-        if opacity < 1:
-            plotter.enable_depth_peeling(number_of_peels=12)
-        plotter.enable_anti_aliasing("ssaa")
-        _look_along_z(plotter, vertices, height)
-        image = plotter.screenshot(return_img=True)
-        plotter.close()
-    return image
+        return {"scalars": "field", "cmap": FIELD_COLOURS, "clim": field_range, "interpolate_before_map": True}
+    shape.cell_data["colour"] = face_colours(labels, faces) if colours is None else colours[faces[:, 0]]
+    return {"scalars": "colour", "rgb": True}
 
 
-def _of_segments(labels, faces):
-    """(m, 3) uint8 array, a colour a face; all grey without labels."""
-    if labels is None:
-        labels = np.full(faces.max() + 1, -1)
-    of_faces = faces_from_vertices(labels, faces)
-    background = max(of_faces.max(), 0) + 1
-    return label_colours(np.where(of_faces < 0, background, of_faces), background)[:, :3]
+def _lit_plotter(size: tuple[int, int]) -> Any:
+    """A pyvista.Plotter, untyped: the type hints of pyvista do not cover its decorated methods."""
+    import pyvista
+
+    plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="none")
+    plotter.background_color = "white"
+    for position, intensity in LIGHTS:
+        plotter.add_light(pyvista.Light(position=position, intensity=intensity, light_type="camera light"))
+    return plotter
 
 
-def _creased(shape):
-    """With normals that vary smoothly but for sharp creases, where a machine part has its edges."""
+def _part(shape: pyvista.PolyData, chosen: np.ndarray) -> pyvista.PolyData:
+    """Some of the faces of a shape: those of a (m,) bool array."""
+    cells: Any = np.flatnonzero(chosen)
+    return shape.extract_cells(cells).extract_surface(algorithm=None)
+
+
+def _add_contour(plotter: Any, shape: pyvista.PolyData, values: np.ndarray, level: float, radius: float) -> None:
+    """A black tube along the line at which the values have this level."""
+    shape.point_data["contour"] = values
+    line = shape.contour([level], scalars="contour")
+    if line.n_points:
+        plotter.add_mesh(line.tube(radius=radius), color="black", lighting=False)
+
+
+def _add_balls(plotter: Any, centres: np.ndarray, radius: float, material: dict[str, Any]) -> None:
+    import pyvista
+
+    ball = pyvista.Sphere(radius=radius)
+    balls = pyvista.PolyData(centres).glyph(geom=ball, scale=False, orient=False)
+    plotter.add_mesh(balls, color=MARK_COLOUR, **material)
+
+
+def _creased(shape: pyvista.PolyData) -> pyvista.PolyData:
+    """The shape with smooth normals, except at sharp creases such as the edges of a machine part."""
     return shape.compute_normals(
         cell_normals=False,
         split_vertices=True,
-        feature_angle=45,
+        feature_angle=CREASE,
         consistent_normals=False,
         auto_orient_normals=False,
     )
 
 
-def _look_along_z(plotter, vertices, height):
-    """Show height pixels, one to a unit, around the origin, with everything between the clipping planes."""
+def _look_along_z(plotter: Any, vertices: np.ndarray, height: int) -> None:
+    """Show this many pixels, each one unit high, around the origin, with everything between the clipping planes."""
     far = 2 * np.abs(vertices).max() + height
     camera = plotter.camera
     camera.focal_point, camera.position, camera.up = (0, 0, 0), (0, 0, far), (0, 1, 0)
     camera.enable_parallel_projection()
     camera.parallel_scale = height / 2
     camera.clipping_range = (0.01 * far, 2 * far)
-
-
-def pictures(task):
-    """Pictures of an original and of its variants from the same side: list of (height, width, 3) uint8 arrays.
-
-    Parameters
-    ----------
-    task : (list of trials of one model, style), where style says how the variants are drawn
-        "variant": segmented, all in one frame
-        "on_original": so, and above it the original, in a frame of its own, with the variant's segments (Figure 10)
-        "transparent": the faces that the original does not have, black, seen through the rest (Figure 11)
-        "edges": with the edges of the triangles (Figure 13)
-        "scaled": in a frame of its own, for a gallery that draws it in proportion (Figure 14)
-    """
-    trials, style = task
-    reference = trials[0].prepare()
-    variants = [trial.variant(reference) for trial in trials]
-    own = wide = view_of(np.asarray(reference.mesh.vertices))
-    if style != "scaled":
-        # What sticks out of the original is to be seen too.
-        wide = framed(np.concatenate([reference.mesh.vertices, *(v.mesh.vertices for v in variants)]), own.axes)
-    original = surface(
-        reference.mesh, own if style == "on_original" else wide, labels=reference.labels, edges=style == "edges"
-    )
-    if style == "on_original":
-        original = np.concatenate([original, np.full_like(original, 255)])
-    return [original, *(_variant(variant, own, wide, style) for variant in variants)]
-
-
-def _variant(variant, own, wide, style):
-    before, after = variant.compared()
-    labels = named_as(before, after, variant.labels)
-    original = variant.reference.mesh
-    if style == "transparent":
-        added = added_faces(original.faces, variant.mesh.faces, variant.counterpart)
-        return surface(variant.mesh, wide, labels=labels, solid=added, opacity=TRANSPARENT)
-    if style == "scaled":
-        wide = framed(np.asarray(variant.mesh.vertices), own.axes)
-    drawn = surface(variant.mesh, wide, labels=labels, edges=style == "edges")
-    if style == "on_original":
-        # Where a vertex is gone it has no label, and is grey.
-        carried = np.where(variant.counterpart < 0, -1, labels[variant.counterpart])
-        return np.concatenate([surface(original, own, labels=carried), drawn])
-    return drawn
-
-
-def named_as(before, after, labels):
-    """Labels renamed so that a part has the number, and so the colour, that it has in a reference: (n,) int array.
-
-    The background (-1) stays the background in both: it is not a part to be matched. Parts without a partner are
-    numbered on from the largest label of the reference.
-
-    Parameters
-    ----------
-    before, after : (p,) int arrays, the reference's and the renamed segmentation's labels of the same p points
-    labels : (n,) int array, of all points of the renamed segmentation
-    """
-    both = (before >= 0) & (after >= 0)
-    named = np.full(len(labels), -1)
-    parts = np.unique(labels[labels >= 0])
-    fresh = max(before.max(initial=-1), -1) + 1 + len(parts)
-    names = dict(zip(parts.tolist(), range(fresh, fresh + len(parts)), strict=True))
-    if both.any():
-        names |= dict(zip(after[both].tolist(), match_labels(before[both], after[both]).tolist(), strict=True))
-    for part, name in names.items():
-        named[labels == part] = name
-    return named
-
-
-def added_faces(original, faces, counterpart):
-    """The faces of a variant that its original does not have: (m,) bool array, for short circuits those of the tubes.
-
-    Parameters
-    ----------
-    original : (m₀, 3) int array, the faces of the original
-    faces : (m, 3) int array, the faces of the variant
-    counterpart : (n₀,) int array, the variant's vertex for each of the original, -1 where it is gone
-    """
-    moved = counterpart[original]
-    moved = np.sort(moved[(moved >= 0).all(axis=1)], axis=1)
-    _, which = np.unique(np.concatenate([moved, np.sort(faces, axis=1)]), axis=0, return_inverse=True)
-    return np.isin(which[len(moved) :], which[: len(moved)], invert=True)

@@ -1,29 +1,57 @@
 """The four metrics of the Princeton Segmentation Benchmark, as the benchmark's own evaluator computes them.
 
 X. Chen, A. Golovinskiy, T. Funkhouser, A Benchmark for 3D Mesh Segmentation, ACM Trans. Graph. 28 (3), 2009,
-doi:10.1145/1531326.1531379, section 4. Where the evaluator and that text differ, this follows the evaluator:
-see the Notes of `evaluate`.
+doi:10.1145/1531326.1531379, section 4. Where the evaluator differs from that text, this module follows the
+evaluator: see the Notes of `evaluate`.
 """
 
-from typing import Protocol
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
+from heatwalk.meshes import face_areas
+from studies.columns import Column
 from studies.metrics.contingency import contingency_table
+from studies.metrics.metric import TriangleMesh
 from studies.metrics.rand_index import rand_index_error
 
+if TYPE_CHECKING:
+    from scipy.sparse import coo_array
 
-class TriangleMesh(Protocol):
-    """What `evaluate` needs of a mesh; a `trimesh.Trimesh` or a `heatwalk.LoadedMesh` has it."""
 
-    @property
-    def vertices(self) -> NDArray[np.float64]: ...
+def _column(name: str, heading: str, help: str) -> Column:
+    """A column of the benchmark: a number without unit, 0 for equal segmentations."""
+    return Column(name=name, heading=heading, format=".3f", lower_is_better=True, help=help)
 
-    @property
-    def faces(self) -> NDArray[np.int64]: ...
+
+#: Columns of the values of `evaluate`, in its order.
+COLUMNS: tuple[Column, ...] = (
+    _column(
+        "cut_discrepancy",
+        "CD",
+        "Cut discrepancy: mean distance from a cut to the nearest cut of the other segmentation, relative to the mean "
+        "distance of the surface from its centroid.",
+    ),
+    _column("rand_index_error", "RI", "Rand Index error: share of pairs of faces on which the segmentations disagree."),
+    _column("hamming", "HD", "Hamming distance: mean of missing rate and false alarm rate."),
+    _column(
+        "missing_rate",
+        "missing rate",
+        "Share of the area outside the best-overlapping computed segment, over the reference segments.",
+    ),
+    _column(
+        "false_alarm_rate",
+        "false alarm rate",
+        "Share of the area outside the best-overlapping reference segment, over the computed segments.",
+    ),
+    _column("gce", "GCE", "Global consistency error, by number of faces: refinement in one direction is free."),
+    _column("lce", "LCE", "Local consistency error, by number of faces: refinement in any direction is free."),
+    _column("gce_area", "GCE area", "Global consistency error, by area."),
+    _column("lce_area", "LCE area", "Local consistency error, by area."),
+)
 
 
 def evaluate(mesh: TriangleMesh, face_labels_a: ArrayLike, face_labels_b: ArrayLike) -> dict[str, float]:
@@ -31,37 +59,58 @@ def evaluate(mesh: TriangleMesh, face_labels_a: ArrayLike, face_labels_b: ArrayL
 
     Parameters
     ----------
-    mesh : vertices (n, 3), faces (m, 3)
-    face_labels_a : (m,) integers, the segmentation judged
-    face_labels_b : (m,) integers, the reference (a person's)
+    mesh : TriangleMesh
+        vertices (n, 3) and faces (m, 3)
+    face_labels_a : (m,) int array
+        the segmentation to be judged
+    face_labels_b : (m,) int array
+        the reference segmentation, by a person
 
     Returns
     -------
-    dict of float, all without unit and 0 for equal partitions
-        cut_discrepancy : mean distance along edges from a vertex on a cut to the nearest cut of the other
-            segmentation, in mean distances of the surface from its centroid. 0 where either has no cut;
-            infinite where a cut lies on a component of the mesh on which the other segmentation has none.
-        rand_index_error : as `studies.metrics.rand_index_error`, over faces
-        missing_rate : share of the area outside the best-overlapping segment of `a`, over segments of `b`
-        false_alarm_rate : the same with `a` and `b` exchanged
-        hamming : the mean of these two rates
-        gce, lce : global and local consistency error, by number of faces
-        gce_area, lce_area : the same by area
+    dict of str to float
+        The values of `COLUMNS`, in their order, all without unit and 0 for equal partitions:
+
+        cut_discrepancy
+            mean distance along edges from a vertex on a cut to the nearest cut of the other segmentation, in mean
+            distances of the surface from its centroid; 0 if either has no cut, infinite if a cut belongs to a
+            component of the mesh on which the other segmentation has none
+        rand_index_error
+            as `studies.metrics.rand_index_error`, over faces
+        hamming
+            mean of the following two rates
+        missing_rate
+            share of the area outside the best-overlapping segment of `a`, over segments of `b`
+        false_alarm_rate
+            the same with `a` and `b` exchanged
+        gce, lce
+            global and local consistency error, by number of faces
+        gce_area, lce_area
+            the same by area
 
     Raises
     ------
     ValueError
-        If the labels are not integers or not one for each face.
+        If the labels are not integers or not one per face.
 
     Notes
     -----
     All but the two rates are symmetric in `a` and `b`. In the evaluator the cut discrepancy is one mean over
     the cut vertices of both segmentations (the text: the sum of two means), and the area versions of the
-    consistency errors take each face's error by areas, but average it over faces without weights. The
+    consistency errors weight a face's error by areas, but average it over faces without weights. The
     evaluator's Rand Index error divides by (m - 1) / 2 rounded down, which for even m makes it too large by
     one part in m - 2; this one does not.
+
+    Examples
+    --------
+    >>> import numpy as np, trimesh
+    >>> box = trimesh.creation.box()
+    >>> halves, whole = np.arange(12) // 6, np.zeros(12, int)
+    >>> values = evaluate(box, halves, whole)
+    >>> round(values["hamming"], 3), values["missing_rate"], values["gce"]
+    (0.25, 0.5, 0.0)
     """
-    vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
+    vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
     a, b = np.asarray(face_labels_a), np.asarray(face_labels_b)
     for name, labels in (("face_labels_a", a), ("face_labels_b", b)):
         if labels.shape != (len(faces),):
@@ -69,8 +118,7 @@ def evaluate(mesh: TriangleMesh, face_labels_a: ArrayLike, face_labels_b: ArrayL
                 f"{name} must have one label for each of the {len(faces)} faces, got the shape {labels.shape}"
             )
 
-    corners = vertices[faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    areas = face_areas(vertices, faces)
     by_count, by_area = contingency_table(a, b), contingency_table(a, b, areas)
     false_alarm_rate, missing_rate = (_outside_best_match(by_area, axis) for axis in (1, 0))
     gce, lce = _consistency_errors(by_count, by_count)
@@ -89,16 +137,16 @@ def evaluate(mesh: TriangleMesh, face_labels_a: ArrayLike, face_labels_b: ArrayL
 
 
 def _outside_best_match(by_area: coo_array, axis: int) -> float:
-    """Axis 1: the share of area outside the best match of each row. Axis 0: of each column."""
-    # Differences a segment, so that equal segments give 0 and nothing gives less.
+    """The share of the area outside the best match of each row (axis 1) or column (axis 0)."""
+    # Subtracted per segment, so that the result is exactly 0 for equal segments and never negative.
     outside = by_area.sum(axis=axis) - by_area.max(axis=axis).toarray().ravel()
     return float(outside.sum() / by_area.sum())
 
 
 def _consistency_errors(sizes: coo_array, counts: coo_array) -> tuple[float, float]:
-    """GCE and LCE, with the local refinement errors by `sizes` and their mean by `counts`."""
+    """GCE and LCE: local refinement errors computed from ``sizes``, their mean weighted by ``counts``."""
     errors = [
-        # A segment without area counts as wholly inside the other.
+        # A segment without area counts as entirely inside the other.
         1 - np.divide(sizes.data, segment, out=np.ones(sizes.nnz), where=segment > 0)
         for segment in (sizes.sum(axis=1)[sizes.coords[0]], sizes.sum(axis=0)[sizes.coords[1]])
     ]
@@ -115,7 +163,11 @@ def _cut_discrepancy(
     a: NDArray[np.integer],
     b: NDArray[np.integer],
 ) -> float:
-    # Each side of each face as one number, sorted, so that the sides which form one edge stand together.
+    """Mean distance between the cuts of two segmentations, relative to the mean radius of the surface."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    # Each side of each face as one number, sorted, so that the sides that form one edge are adjacent.
     sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     number = sides[:, 0].astype(np.int64) * len(vertices) + sides[:, 1]
     order = np.argsort(number, kind="stable")
@@ -135,8 +187,11 @@ def _cut_discrepancy(
         distances.append(dijkstra(graph, directed=False, indices=cuts[-1], min_only=True))
     (cut_a, cut_b), (to_a, to_b) = cuts, distances
     mean_distance = np.concatenate([to_b[cut_a], to_a[cut_b]]).mean()
+    return float(mean_distance / _mean_radius(vertices, faces, areas))
 
+
+def _mean_radius(vertices: NDArray[np.float64], faces: NDArray[np.int64], areas: NDArray[np.float64]) -> float:
+    """Mean distance of the surface from its centroid."""
     centres = vertices[faces].mean(axis=1)
     centroid = np.average(centres, axis=0, weights=areas)
-    mean_radius = np.average(np.linalg.norm(centres - centroid, axis=1), weights=areas)
-    return float(mean_distance / mean_radius)
+    return float(np.average(np.linalg.norm(centres - centroid, axis=1), weights=areas))

@@ -1,30 +1,47 @@
 """The Rand Index error of two labelings."""
 
+from __future__ import annotations
+
 from numpy.typing import ArrayLike
 
+from studies.columns import Column
 from studies.metrics.contingency import contingency_table
+from studies.metrics.metric import Metric
 
 
 def rand_index_error(a: ArrayLike, b: ArrayLike) -> float:
-    """One minus the Rand Index: the share of pairs of points together in one labeling, apart in the other.
+    """One minus the Rand Index: the share of pairs of points together in one labeling and apart in the other.
 
-    Points count alike, whatever area they stand for. 0 for a single point, which makes no pair.
+    All points have the same weight, whatever area they represent. 0 for a single point, which forms no pair.
 
     Parameters
     ----------
-    a, b : (n,) integers
-        Labels of the same n points.
+    a, b : (n,) int array
+        labels of the same n points
+
+    Returns
+    -------
+    float
+        0 for equal partitions, at most 1
 
     Raises
     ------
     ValueError
-        If the labels are empty, not integers, or of different lengths.
+        If the labels are empty, are not integers, or differ in number.
 
     Notes
     -----
-    Integers until the last division, hence exact up to three thousand million points (W. M. Rand, Objective
-    criteria for the evaluation of clustering methods, J. Am. Stat. Assoc. 66, 1971,
-    doi:10.1080/01621459.1971.10482356).
+    Computed in integers until the last division, hence exact for up to three billion points.
+
+    References
+    ----------
+    W. M. Rand, Objective criteria for the evaluation of clustering methods, J. Am. Stat. Assoc. 66, 1971,
+    doi:10.1080/01621459.1971.10482356.
+
+    Examples
+    --------
+    >>> rand_index_error([0, 0, 1, 1], [0, 0, 0, 1])
+    0.5
     """
     table = contingency_table(a, b)
     n = int(table.sum())
@@ -32,3 +49,19 @@ def rand_index_error(a: ArrayLike, b: ArrayLike) -> float:
         return 0.0
     ordered_pairs = (table.sum(axis=1) ** 2).sum() + (table.sum(axis=0) ** 2).sum() - 2 * (table.data**2).sum()
     return int(ordered_pairs) / (n * (n - 1))
+
+
+METRICS = (
+    Metric(
+        column=Column(
+            name="rand_index_error",
+            heading="Rand error",
+            format=".4f",
+            lower_is_better=True,
+            help="One minus the Rand Index: the share of pairs of points together in one segmentation and apart in "
+            "the other.",
+        ),
+        function=lambda comparison: rand_index_error(comparison.reference, comparison.labels),
+        symmetric=True,
+    ),
+)

@@ -1,61 +1,73 @@
-"""What a trial is: the least thing that is planned, run and stored; one row."""
+"""A trial is the smallest unit that is planned, run and stored: one row."""
+
+from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any
 
 from studies.columns import Column
 from studies.datasets import Model
 
-# The columns of a row, in the order in which they stand in trials.parquet, with their types. An experiment may put
-# columns of its own behind them.
 COLUMNS: tuple[Column, ...] = (
-    Column(name="study", dtype="string"),
-    Column(name="dataset", dtype="string"),
-    Column(name="model", dtype="string"),
-    Column(name="category", dtype="string"),
-    Column(name="segmenter", dtype="string"),
-    Column(name="part", dtype="string"),
-    Column(name="perturbation", dtype="string"),
-    Column(name="level", dtype="float64"),
-    Column(name="unit", dtype="string"),
-    Column(name="repeat", dtype="int64"),
-    Column(name="seed", dtype="int64"),
-    Column(name="n_vertices", dtype="Int64"),
-    Column(name="n_faces", dtype="Int64"),
-    Column(name="n_vertices_perturbed", dtype="Int64"),
-    Column(name="n_faces_perturbed", dtype="Int64"),
-    Column(name="n_compared", dtype="Int64"),
-    Column(name="n_segments_reference", dtype="Int64"),
-    Column(name="n_segments", dtype="Int64"),
-    Column(name="change_percentage", dtype="float64"),
-    Column(name="van_dongen", dtype="float64"),
-    Column(name="rand_index_error", dtype="float64"),
-    Column(name="seconds_perturb", dtype="float64"),
-    Column(name="seconds_segment", dtype="float64"),
-    Column(name="status", dtype="string"),
-    Column(name="error", dtype="string"),
-    Column(name="applied", dtype="string"),
-    Column(name="trial_id", dtype="string"),
+    Column(name="study", dtype="string", help="Name of the study."),
+    Column(name="dataset", dtype="string", help="Name of the dataset."),
+    Column(name="model", dtype="string", help="Name of the model in its dataset."),
+    Column(name="category", dtype="string", help="Category of the model, empty if the dataset has none."),
+    Column(name="segmenter", dtype="string", help="Name of the segmentation method."),
+    Column(name="part", dtype="string", help="Part of the study; the study itself if it has a single part."),
+    Column(name="perturbation", dtype="string", help="Name of the perturbation, empty if nothing is perturbed."),
+    Column(name="level", format="g", help="Amount of the perturbation, in `unit`."),
+    Column(name="unit", dtype="string", help="Unit of the level."),
+    Column(name="repeat", dtype="int64", help="Number of the repeat, from 0."),
+    Column(name="seed", dtype="int64", help="Seed of the trial's random generator."),
+    Column(name="n_vertices", dtype="Int64", help="Vertices of the model."),
+    Column(name="n_faces", dtype="Int64", help="Faces of the model."),
+    Column(name="n_vertices_perturbed", dtype="Int64", help="Vertices of the perturbed mesh."),
+    Column(name="n_faces_perturbed", dtype="Int64", help="Faces of the perturbed mesh."),
+    Column(name="n_compared", dtype="Int64", help="Vertices of the model that have a counterpart."),
+    Column(name="n_segments_reference", dtype="Int64", format=".1f", help="Segments of the model."),
+    Column(name="n_segments", dtype="Int64", format=".1f", help="Segments of the perturbed mesh."),
+    Column(name="seconds_perturb", unit="s", lower_is_better=True, help="Time that perturbing took."),
+    Column(name="seconds_segment", unit="s", lower_is_better=True, help="Time that segmenting took."),
+    Column(name="status", dtype="string", help="ok, failed, timeout or crashed."),
+    Column(name="error", dtype="string", help="Why the trial failed, in one line."),
+    Column(name="applied", dtype="string", help="What the perturbation did, as JSON."),
+    Column(name="trial_id", dtype="string", help="Digest of everything that determines the result."),
 )
+"""The columns that every row has. An experiment adds those of what it measures."""
 
-# Timings: the columns in which two runs of the same trial may differ.
 TIMINGS = ("seconds_perturb", "seconds_segment")
+"""The columns in which two runs of the same trial may differ."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trial(ABC):
-    """One measurement on one model: everything a worker needs, and small to send.
+    """One measurement on one model: everything that a worker needs, and cheap to send.
 
-    study, dataset, part : names
-    model : studies.datasets.Model, which loads its mesh when asked
-    mesh_digest : str, the model's digest
+    Parameters
+    ----------
+    study, dataset, part : str
+        names
+    model : Model
+        loads its mesh when asked
+    mesh_digest : str
+        the model's digest
     segmenter_name : str
-    perturbation_name : str, "" where nothing is perturbed
-    level : float, the amount in ``unit``
-    repeat : int, 0 …
-    seed : int, of the trial's own random generator
-    group_key : str; trials of the same value, planned one after the other, share what ``prepare`` gives
-    trial_id : str, what determines the trial's result
+    perturbation_name : str
+        "" if nothing is perturbed
+    level : float
+        the amount in ``unit``
+    repeat : int
+        from 0
+    seed : int
+        seed of the trial's own random generator
+    group_key : str
+        trials with the same key, planned one after another, share what ``prepare`` returns
+    trial_id : str
+        digest of what determines the trial's result
+    keep_labels : bool
+        whether ``measure`` also returns the labels, for the pictures of the study
     """
 
     study: str
@@ -71,30 +83,34 @@ class Trial(ABC):
     seed: int = 0
     group_key: str
     trial_id: str
+    keep_labels: bool = False
 
-    def known_values(self):
-        """The experiment's own columns that are known before the trial is run: a dict."""
+    def known_values(self) -> dict[str, Any]:
+        """Values of the experiment's own columns that are known before the trial runs."""
         return {}
 
     @abstractmethod
-    def prepare(self):
-        """What this trial needs and others share, such as the segmentation of the original."""
+    def prepare(self) -> Any:
+        """What this trial needs and shares with others, such as the segmentation of the original."""
 
     @abstractmethod
-    def measure(self, prepared):
-        """The columns of the row that only running the trial tells: a dict."""
+    def measure(self, prepared: Any) -> dict[str, Any]:
+        """Values of the columns that only running the trial can tell.
+
+        A value that is a numpy array is not a column: it is kept in a file next to the rows, for pictures.
+        """
 
 
-def run_trial(trial, prepared):
-    """The trial's row: a dict. Whatever a trial raises becomes its row."""
+def run_trial(trial: Trial, prepared: Any) -> dict[str, Any]:
+    """The row of a trial. Whatever exception the trial raises becomes its row."""
     try:
         return planned_row(trial) | trial.measure(prepared) | {"status": "ok"}
     except Exception as error:
         return failed_row(trial, "failed", reason(error))
 
 
-def planned_row(trial):
-    """What is known of a trial before it is run."""
+def planned_row(trial: Trial) -> dict[str, Any]:
+    """What is known of a trial before it runs, as a row with every base column."""
     return dict.fromkeys(column.name for column in COLUMNS) | {
         "study": trial.study,
         "dataset": trial.dataset,
@@ -112,16 +128,11 @@ def planned_row(trial):
     }
 
 
-def failed_row(trial, status, error):
-    """The row of a trial that gave no figure."""
+def failed_row(trial: Trial, status: str, error: str) -> dict[str, Any]:
+    """The row of a trial without a result."""
     return planned_row(trial) | {"status": status, "error": error}
 
 
-def reason(error):
+def reason(error: BaseException) -> str:
     """An exception as one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
-
-
-def columns_of(experiment):
-    """The columns of an experiment's rows."""
-    return (*COLUMNS, *(Column(name=name, dtype=dtype) for name, dtype in experiment.columns.items()))

@@ -1,0 +1,1 @@
+"""What is made of stored rows: tables next to published values, claims and verdicts, pages, files."""

@@ -1,23 +1,37 @@
-"""How far a study is: before it runs, and while it does."""
+"""How far a study is: before it runs, and while it runs."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich import progress
+from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+if TYPE_CHECKING:
+    from studies.execution import Engine
+    from studies.planning.trial import Trial
+    from studies.storage import StoredRows
+
+COUNTS = ("models", "levels", "repeats", "trials", "stored", "failed", "missing")
+
 
 class Progress(progress.Progress):
-    """Trials done and failed, how many a second, the time left and what each worker is on. A file sees nothing of it.
+    """Trials done and failed, trials per second, time left, and what each worker is doing; nothing if not a terminal.
 
     Parameters
     ----------
-    total : int, how many trials there are to do
-    engine : see `studies.execution.engine`
+    total : int
+        number of trials to run
+    engine : Engine
     console : rich.console.Console
     """
 
-    def __init__(self, total, engine, console):
+    def __init__(self, total: int, engine: Engine, console: Console) -> None:
         self._engine = engine
         self._failed = 0
         super().__init__(
@@ -37,8 +51,8 @@ class Progress(progress.Progress):
         )
         self._bar = self.add_task("trials", total=total, rate="", failures="")
 
-    def count(self, status):
-        """One more trial is done."""
+    def count(self, status: str) -> None:
+        """Count one more trial as done."""
         self._failed += status != "ok"
         speed = self.tasks[0].finished_speed or self.tasks[0].speed
         self.update(
@@ -48,34 +62,56 @@ class Progress(progress.Progress):
             failures=f"{self._failed} failed" if self._failed else "",
         )
 
-    def get_renderables(self):
+    def get_renderables(self) -> Iterable[RenderableType]:
+        """The bar, and a line per task that is being worked on."""
         yield from super().get_renderables()
         for task in self._engine.active():
             yield Text(f"  on {task}", style="dim", no_wrap=True, overflow="ellipsis")
 
 
-def show_plan(trials, missing, stored, elsewhere, engine, console):
+def show_plan(
+    trials: Sequence[Trial],
+    missing: Sequence[Trial],
+    stored: StoredRows | None,
+    reusable: Mapping[Path, Sized],
+    engine: Engine,
+    console: Console,
+) -> None:
     """Print what a run would do.
 
     Parameters
     ----------
-    trials, missing : lists of Trial, all and those that are not stored
-    stored : studies.storage.store.Rows; None where nothing stored would count
-    elsewhere : as `studies.storage.store.elsewhere` gives it, of the missing
-    engine : see `studies.execution.engine`
+    trials, missing : sequence of Trial
+        all, and those that are not stored
+    stored : StoredRows or None
+        None if nothing stored would count
+    reusable : mapping
+        of the missing ones, as `studies.storage.find_reusable` returns it
+    engine : Engine
     console : rich.console.Console
     """
+    console.print(_counts_by_part(trials, missing, stored))
+    for path, trial_ids in reusable.items():
+        console.print(f"{len(trial_ids):,} would be reused from {path}", highlight=False, soft_wrap=True)
+    to_run = len(missing) - sum(map(len, reusable.values()))
+    console.print(f"{to_run:,} to run; {_time_left(to_run, stored, engine)}", highlight=False, soft_wrap=True)
+    console.print("nothing was run or written (dry_run=true)")
+
+
+def _counts_by_part(trials: Sequence[Trial], missing: Sequence[Trial], stored: StoredRows | None) -> Table:
+    """How many trials of each part are planned, stored and missing. No number is ever cut."""
     absent = {trial.trial_id for trial in missing}
     status = stored.status if stored else {}
-    table = Table("part", *COUNTED, title="Planned", title_justify="left")
-    for column in table.columns[1:]:
-        column.justify = "right"
-    parts = {}
+    table = Table(title="Planned", title_justify="left")
+    table.add_column("part", overflow="fold")
+    for name in COUNTS:
+        table.add_column(name, justify="right", no_wrap=True, min_width=len(name))
+    parts: dict[str, list[Trial]] = {}
     for trial in trials:
         parts.setdefault(trial.part, []).append(trial)
     for part, group in parts.items():
         states = [status.get(trial.trial_id) for trial in group]
-        numbers = (
+        counts = (
             len({trial.model.name for trial in group}),
             len({trial.level for trial in group}),
             len({trial.repeat for trial in group}),
@@ -84,27 +120,19 @@ def show_plan(trials, missing, stored, elsewhere, engine, console):
             sum(state not in (None, "ok") for state in states),
             sum(trial.trial_id in absent for trial in group),
         )
-        table.add_row(part, *(f"{number:,}" for number in numbers))
-    console.print(table)
-    for path, trial_ids in elsewhere.items():
-        console.print(f"{len(trial_ids):,} would be taken over from {path}", highlight=False, soft_wrap=True)
-    to_run = len(missing) - sum(map(len, elsewhere.values()))
-    console.print(f"{to_run:,} to run; {_time_left(to_run, stored, engine)}", highlight=False, soft_wrap=True)
-    console.print("nothing was run or written (dry_run=true)")
+        table.add_row(part, *(f"{count:,}" for count in counts))
+    return table
 
 
-COUNTED = ("models", "levels", "repeats", "trials", "stored", "failed", "missing")
-
-
-def _time_left(to_run, stored, engine):
+def _time_left(to_run: int, stored: StoredRows | None, engine: Engine) -> str:
     if not to_run:
         return "no time left"
     if not stored or stored.seconds is None:
-        return "time left: unknown, none of this study is stored that says what a trial takes"
+        return "time left: unknown, no stored trial of this study recorded its time"
     work = to_run * stored.seconds
     shared = f", {_duration(work / engine.processes)} with {engine.processes} at once" if engine.processes else ""
-    return f"time left, from the trials that are stored: {_duration(work)} of work{shared}"
+    return f"time left, estimated from the stored trials: {_duration(work)} of work{shared}"
 
 
-def _duration(seconds):
+def _duration(seconds: float) -> str:
     return str(timedelta(seconds=round(seconds))) if seconds >= 1 else "under a second"

@@ -1,76 +1,114 @@
 """Any program that reads a mesh file and writes labels, as a segmenter."""
 
+from __future__ import annotations
+
 import hashlib
-import re
 import shlex
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
+from heatwalk.io import parse_integers
 from studies.execution.process_tree import supervised
 
-TAIL = 300  # characters of what a program printed last that an error quotes
+TAIL = 300  # characters at the end of a program's output that an error message quotes
 
 
 @dataclass(frozen=True)
 class External:
-    """A program: it reads a mesh, and writes one label, an integer, a line, for each vertex or each face.
+    """A program that reads a mesh and writes one label, an integer, per line, for each vertex or each face.
 
-    command : the program and its arguments, quoted as in a shell, but not given to one; ``{mesh}`` and ``{labels}``
-        stand for the paths of the mesh that it reads and of the file that it writes
-    suffix : of the mesh file, which says its format: ``.off``, ``.obj`` or ``.ply`` (ASCII, double precision);
-        coordinates are written to their last digit, vertices and faces in their order
+    Parameters
+    ----------
+    command : str
+        the program and its arguments, quoted as in a POSIX shell, which is not involved; ``{mesh}`` and ``{labels}``
+        are replaced by the paths of the mesh file and of the file for the labels
+    suffix : {".off", ".obj", ".ply"}
+        suffix of the mesh file, which determines its format (PLY: ASCII, double precision). Coordinates are written
+        with all their digits, vertices and faces in their order.
 
-    It runs in the folder where the study was started, with a temporary folder for the two files. It ends with the
-    process that runs the trial, whatever ends that.
+    Raises
+    ------
+    ValueError
+        If the command lacks ``{mesh}`` or ``{labels}``, its program cannot be found, or the suffix is unknown.
 
-    Raises ValueError for a command without program, ``{mesh}`` or ``{labels}``, and for an unknown suffix; and, when it
-    is called, for a program that fails, writes no labels, or writes a line that is no integer.
+    Notes
+    -----
+    The program runs in the folder in which the study was started; a temporary folder contains the two files. It ends
+    with the process that runs the trial, however that ends.
+
+    Examples
+    --------
+    >>> External(f"'{sys.executable}' mytool.py {{mesh}} {{labels}} --parts 5").name.split()[1:]
+    ['mytool.py', '--parts', '5']
     """
 
     command: str
     suffix: str = ".off"
 
-    def __post_init__(self):
-        for place in ("{mesh}", "{labels}"):
-            if not any(place in word for word in self.words):
+    def __post_init__(self) -> None:
+        for placeholder in ("{mesh}", "{labels}"):
+            if not any(placeholder in word for word in self.words):
                 raise ValueError(
-                    f"segmenter.command={self.command!r} does not say where {place} goes: "
+                    f"segmenter.command={self.command!r} lacks {placeholder}: "
                     "segmenter.command='mytool {mesh} {labels}'"
                 )
         if self.suffix not in WRITERS:
-            raise ValueError(f"segmenter.suffix is {self.suffix!r}: give one of {', '.join(WRITERS)}")
+            raise ValueError(f"segmenter.suffix is {self.suffix!r}: choose one of {', '.join(WRITERS)}")
         if shutil.which(self.words[0]) is None:
-            raise ValueError(f"segmenter.command={self.command!r}: there is no program {self.words[0]!r} to be run")
+            raise ValueError(f"segmenter.command={self.command!r}: the program {self.words[0]!r} cannot be found")
 
     @cached_property
-    def words(self):
+    def words(self) -> list[str]:
+        """The program and its arguments."""
         try:
             return shlex.split(self.command)
         except ValueError as error:
             raise ValueError(f"segmenter.command={self.command!r}: {error}") from error
 
     @property
-    def name(self):
-        """The command without its folders and without the files of each call: ``python3 mytool.py --parts 5``."""
+    def name(self) -> str:
+        """The command without folders and without the two files: ``python3 mytool.py --parts 5``."""
         return " ".join(Path(word).name for word in self.words if "{mesh}" not in word and "{labels}" not in word)
 
     @property
-    def algorithm_version(self):
-        """SHA-256 of the program's file, and of every other file that the command names."""
+    def algorithm_version(self) -> str:
+        """SHA-256 of the program's file and of every other file that the command names."""
         digest = hashlib.sha256()
-        for path in [shutil.which(self.words[0]), *self.words[1:]]:
+        for path in [shutil.which(self.words[0]) or self.words[0], *self.words[1:]]:
             if Path(path).is_file():
                 with open(path, "rb") as file:
                     digest.update(hashlib.file_digest(file, "sha256").digest())
         return digest.hexdigest()
 
-    def __call__(self, vertices, faces):
+    def __call__(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The labels that the program writes.
+
+        Parameters
+        ----------
+        vertices : (n, 3) float array
+            coordinates
+        faces : (m, 3) int array
+            vertices of each face
+
+        Returns
+        -------
+        (p,) int64 array
+            one per line of the file
+
+        Raises
+        ------
+        ValueError
+            If the program fails, writes no labels, or writes a line that is not an integer.
+        """
         # The supervisor may have removed the folder already.
         with tempfile.TemporaryDirectory(prefix="segmenter-", ignore_cleanup_errors=True) as folder:
             mesh, labels, printed = (Path(folder, name) for name in (f"mesh{self.suffix}", "labels.txt", "printed.txt"))
@@ -88,34 +126,33 @@ class External:
             ):
                 code = process.wait()
             if code:
-                raise ValueError(f"{self.name} ended with exit code {code}{_said(printed)}")
+                raise ValueError(f"{self.name} ended with exit code {code}{_output_of(printed)}")
             if not labels.is_file():
-                raise ValueError(f"{self.name} wrote no file {{labels}}{_said(printed)}")
-            lines = labels.read_text("utf-8", errors="replace").rstrip().splitlines()
-            for number, line in enumerate(lines, start=1):
-                if not re.fullmatch(r"\s*[+-]?[0-9]{1,18}\s*", line, re.ASCII):
-                    raise ValueError(
-                        f"{self.name}: line {number} of its labels is no integer: {line[:40]!r}{_said(printed)}"
-                    )
-            return np.array(lines, dtype=np.int64)
+                raise ValueError(f"{self.name} wrote no file {{labels}}{_output_of(printed)}")
+            try:
+                return parse_integers(labels.read_text("utf-8", errors="replace"), "a label (an integer)", signed=True)
+            except ValueError as error:
+                raise ValueError(f"{self.name}: {error}{_output_of(printed)}") from error
 
 
-def _said(printed):
-    """The end of what a program printed, as the end of a sentence about it."""
+def _output_of(printed: Path) -> str:
+    """The end of a program's output, as the end of a sentence about the program."""
     with printed.open("rb") as file:
         file.seek(max(0, printed.stat().st_size - TAIL))
         tail = " ".join(file.read().decode("utf-8", errors="replace").split())
-    return f"; the last it printed: {tail}" if tail else ", and printed nothing"
+    return f"; the end of its output: {tail}" if tail else ", without any output"
 
 
-def _write_off(path, vertices, faces):
-    with path.open("w") as file:
+def _write_off(path: Path, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
+    """The mesh as an OFF file."""
+    with path.open("w", encoding="ascii") as file:
         file.write(f"OFF\n{len(vertices)} {len(faces)} 0\n")
         _write_rows(file, vertices, faces)
 
 
-def _write_ply(path, vertices, faces):
-    with path.open("w") as file:
+def _write_ply(path: Path, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
+    """The mesh as an ASCII PLY file."""
+    with path.open("w", encoding="ascii") as file:
         file.write(
             f"ply\nformat ascii 1.0\nelement vertex {len(vertices)}\n"
             "property double x\nproperty double y\nproperty double z\n"
@@ -124,15 +161,21 @@ def _write_ply(path, vertices, faces):
         _write_rows(file, vertices, faces)
 
 
-def _write_rows(file, vertices, faces):
+def _write_rows(file: TextIO, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
+    """A row per vertex, then a row per face, as in OFF and PLY files."""
     np.savetxt(file, vertices, fmt="%.17g")
     np.savetxt(file, faces, fmt="3 %d %d %d")
 
 
-def _write_obj(path, vertices, faces):
-    with path.open("w") as file:
+def _write_obj(path: Path, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
+    """The mesh as an OBJ file."""
+    with path.open("w", encoding="ascii") as file:
         np.savetxt(file, vertices, fmt="v %.17g %.17g %.17g")
         np.savetxt(file, faces + 1, fmt="f %d %d %d")
 
 
-WRITERS = {".off": _write_off, ".obj": _write_obj, ".ply": _write_ply}
+WRITERS: dict[str, Callable[[Path, NDArray, NDArray], None]] = {
+    ".off": _write_off,
+    ".obj": _write_obj,
+    ".ply": _write_ply,
+}

@@ -1,16 +1,41 @@
 """The Heat Walk as a segmenter."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 import heatwalk
 
 
 @dataclass(frozen=True)
 class HeatWalk:
-    """``heatwalk.segment`` with fixed options; its dissipators are the label -1."""
+    """`heatwalk.segment` with fixed options; its dissipators have the label -1.
+
+    Parameters
+    ----------
+    time : float
+        time of the walk, in units of ``time_unit``
+    time_unit : {"paper", "standard", "fiedler"}
+        as in `heatwalk.segment`
+    density : {"vertices", "area"}
+        as in `heatwalk.segment`
+    split_dissipators : bool
+        whether each connected component of the dissipator region is a segment; its labels are then not -1
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> sphere = trimesh.creation.icosphere(2)
+    >>> sphere.apply_scale([3, 1, 1])  # doctest: +ELLIPSIS
+    <trimesh.Trimesh(...)>
+    >>> HeatWalk(time=0.5)(sphere.vertices, sphere.faces).shape
+    (162,)
+    """
 
     time: float = 1.0
     time_unit: str = "paper"
@@ -19,27 +44,65 @@ class HeatWalk:
 
     algorithm_version: ClassVar[int] = heatwalk.ALGORITHM_VERSION
 
-    def __call__(self, vertices, faces):
+    def __call__(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Labels of the vertices.
+
+        Parameters
+        ----------
+        vertices : (n, 3) float array
+            coordinates
+        faces : (m, 3) int array
+            vertices of each face
+
+        Returns
+        -------
+        (n,) int64 array
+
+        Raises
+        ------
+        heatwalk.MeshError
+            If the mesh cannot be segmented.
+        """
         return self._labels(self.segmentation(vertices, faces))
 
-    def segmentation(self, vertices, faces):
-        """All that `heatwalk.segment` gives."""
+    def segmentation(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> heatwalk.Segmentation:
+        """The complete result of `heatwalk.segment`."""
         return heatwalk.segment(vertices, faces, self.time, **self._options())
 
-    def segmentations(self, vertices, faces, times):
-        """All that `heatwalk.segment_at_times` gives: from one eigenproblem, an iterator."""
+    def segmentations(
+        self, vertices: NDArray[np.float64], faces: NDArray[np.int64], times: Sequence[float]
+    ) -> Iterator[heatwalk.Segmentation]:
+        """The complete results of `heatwalk.segment_at_times`, which solves one eigenproblem for all times."""
         return heatwalk.segment_at_times(vertices, faces, times, **self._options())
 
-    def at_times(self, vertices, faces, times):
-        """Labels at each of ``times``: an iterator of arrays."""
+    def at_times(
+        self, vertices: NDArray[np.float64], faces: NDArray[np.int64], times: Sequence[float]
+    ) -> Iterator[NDArray[np.int64]]:
+        """Labels of the vertices at each of ``times``.
+
+        Parameters
+        ----------
+        vertices : (n, 3) float array
+            coordinates
+        faces : (m, 3) int array
+            vertices of each face
+        times : iterable of float
+            times of the walk, in units of ``time_unit``
+
+        Returns
+        -------
+        iterator of (n,) int64 array
+        """
         return map(self._labels, self.segmentations(vertices, faces, times))
 
-    def _options(self):
+    def _options(self) -> dict[str, Any]:
+        """The options of `heatwalk.segment` other than the time."""
         return {
             "time_unit": self.time_unit,
             "density": self.density,
             "split_dissipators": self.split_dissipators,
         }
 
-    def _labels(self, result):
+    def _labels(self, result: heatwalk.Segmentation) -> NDArray[np.int64]:
+        """Labels of the vertices, -1 for the dissipator region unless it is split."""
         return result.labels if self.split_dissipators else np.where(result.dissipates, -1, result.labels)

@@ -1,38 +1,52 @@
-"""From a configuration to a segmenter: a method of this project, a program, or whatever ``_target_`` names."""
+"""Segmenters made from options: a method of this project, a program, or whatever ``_target_`` names."""
+
+from __future__ import annotations
 
 import dataclasses
 import inspect
 import json
-import os
-import pkgutil
-import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
-import hydra.utils
 import numpy as np
-from omegaconf import OmegaConf
+from numpy.typing import ArrayLike, NDArray
 
-from studies.planning.code import digest_of_code
+from studies.planning.fingerprint import digest_of_code
+from studies.planning.targets import check_required, construct, locate
 from studies.segmenters.heat_walk import HeatWalk
-from studies.segmenters.labels import LABELS_OF, LabelError, at_vertices
+from studies.segmenters.labels import LABELS_OF, LabelError, labels_at_vertices
+
+_EXAMPLES = {"_target_": "my_package.my_method", "command": "mytool {mesh} {labels}"}
 
 
 class SegmenterError(ValueError):
-    """A configuration that gives no segmenter; the message says which option, and what to type."""
+    """Options that do not describe a segmenter; the message names the option and shows what to type."""
 
 
 @dataclass(frozen=True)
 class Segmenter:
     """A method with its options: a callable (vertices (n, 3), faces (m, 3)) -> labels of the vertices (n,) int64.
 
-    Small and picklable whatever the method is: a process makes the method from its recipe when it is first called
-    there, and keeps it.
+    Small and picklable whatever the method is: a process makes the method from its recipe when it first calls it, and
+    keeps it.
 
-    name : stands in the rows of a study
-    recipe : JSON of the options, ``_target_`` among them
-    version : what else determines the labels: a number that developers raise, or a digest of code or program
-    labels_of : whether the method labels vertices or faces, as in `at_vertices`
+    Parameters
+    ----------
+    name : str
+        value of the column ``segmenter`` in the rows of a study
+    recipe : str
+        JSON of the options, including ``_target_``
+    version : int or str
+        what else determines the labels: a number that developers raise, or a digest of code or program
+    labels_of : {"auto", "vertices", "faces"}
+        what the labels of the method belong to, as in `labels_at_vertices`
+
+    See Also
+    --------
+    make_segmenter : makes one from options
+    studies.testing.check_segmenter : checks that a segmenter keeps to its contract
     """
 
     name: str
@@ -41,38 +55,62 @@ class Segmenter:
     labels_of: str = "auto"
 
     @property
-    def identity(self):
-        """What determines the labels of a mesh, to be digested: a list of plain values."""
+    def fingerprint(self) -> list[Any]:
+        """What determines the labels of a mesh: ``[options, version]``, plain values that are part of trial ids."""
         options = json.loads(self.recipe) | ({} if self.labels_of == "auto" else {"labels_of": self.labels_of})
         return [options, self.version]
 
     @property
-    def method(self):
-        """What is called."""
+    def method(self) -> Any:
+        """The callable that the recipe describes."""
         return _method(self.recipe)
 
-    def __call__(self, vertices, faces):
+    def __call__(self, vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.int64]:
+        """Labels of the vertices.
+
+        Parameters
+        ----------
+        vertices : (n, 3) float array
+            coordinates; not modified
+        faces : (m, 3) int array
+            vertices of each face; not modified
+
+        Returns
+        -------
+        (n,) int64 array
+            0, 1, 2 …, or -1 for what belongs to no part
+
+        Raises
+        ------
+        LabelError
+            If the method does not return one integer per vertex or face.
+        Exception
+            Whatever the method raises.
+        """
         vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
-        # Copies: a method may write into what it is given.
+        # Copies, because a method may modify its arguments.
         labels = self.method(vertices.copy(), faces.copy())
         try:
-            return at_vertices(labels, vertices, faces, self.labels_of)
+            return labels_at_vertices(labels, vertices, faces, self.labels_of)
         except LabelError as error:
-            raise LabelError(f"{self.name} gave {error}") from error
+            raise LabelError(f"{self.name} returned {error}") from error
 
 
-def make(config):
-    """The segmenter of a configuration.
+def make_segmenter(options: Mapping[str, Any]) -> Segmenter:
+    """The segmenter that the options ``segmenter.*`` describe.
 
     ``_target_`` names a class, whose instances are called with (vertices, faces), or any other callable, which is
-    called so itself; the options beside it are handed to the class, or to every call. Modules are looked for in the
-    current folder too. Two attributes of an instance are used where it has them: ``name``, else the last part of
-    ``_target_``; and ``algorithm_version``, else a digest of the code of the package, or of the module, that the
-    target is defined in.
+    itself called with them. The other options are passed to the class, or to every call. Modules are looked for in the
+    current folder too. Two attributes of an instance are used if it has them: ``name``, by default the last part of
+    ``_target_``; and ``algorithm_version``, by default a digest of the code of the package, or of the module, that
+    defines the target. Targets inside ``studies`` must declare ``algorithm_version``: the digest would change with
+    every file of this project.
 
     Parameters
     ----------
-    config : mapping with ``_target_``, ``labels_of`` if need be (see `at_vertices`), and the options
+    options : mapping
+        ``_target_``; optionally ``labels_of``, see `labels_at_vertices`; and the options of the method. Plain values
+        that JSON can represent.
 
     Returns
     -------
@@ -81,20 +119,28 @@ def make(config):
     Raises
     ------
     SegmenterError
-        for options that are missing, unknown to the target, or refused by it, and a target that cannot be imported
+        If an option is missing, unknown to the target, or refused by it, or if the target cannot be imported or called,
+        or lacks a version.
+
+    Examples
+    --------
+    >>> segmenter = make_segmenter({"_target_": "studies.segmenters.HeatWalk", "time": 0.5})
+    >>> segmenter.name, segmenter.fingerprint[0]
+    ('HeatWalk', {'_target_': 'studies.segmenters.HeatWalk', 'time': 0.5})
     """
-    options = OmegaConf.to_container(config, resolve=True) if OmegaConf.is_config(config) else dict(config)
-    for key, value in options.items():
-        if value == "???":
-            raise SegmenterError(f"segmenter.{key} is not said: type 'segmenter.{key}={EXAMPLES.get(key, '…')}'")
+    check_required("segmenter", options, _EXAMPLES, SegmenterError)
+    options = dict(options)
     labels_of = options.pop("labels_of", "auto")
     if labels_of not in LABELS_OF:
-        raise SegmenterError(f"segmenter.labels_of is {labels_of!r}: give one of {', '.join(LABELS_OF)}")
+        raise SegmenterError(f"segmenter.labels_of is {labels_of!r}: choose one of {', '.join(LABELS_OF)}")
     name = options["_target_"]
-    target = _locate(name)
+    target = locate("segmenter", name, SegmenterError)
     if target is not HeatWalk:
-        options = _without_heat_walk(options, target)
-    recipe = json.dumps(options, sort_keys=True)
+        options = _without_heat_walk_options(options, target)
+    try:
+        recipe = json.dumps(options, sort_keys=True)
+    except TypeError as error:
+        raise SegmenterError(f"options of segmenter._target_={name} must be plain values: {error}") from error
     method = _method(recipe)
     if not callable(method):
         raise SegmenterError(f"segmenter._target_={name}: a {name} cannot be called with (vertices, faces)")
@@ -103,60 +149,47 @@ def make(config):
     return Segmenter(
         name=str(getattr(method, "name", name.rsplit(".", 1)[-1])),
         recipe=recipe,
-        version=method.algorithm_version if hasattr(method, "algorithm_version") else digest_of_code(target),
+        version=_version(name, target, method),
         labels_of=labels_of,
     )
 
 
-EXAMPLES = {"_target_": "my_package.my_method", "command": "mytool {mesh} {labels}"}
-
-
 @lru_cache(maxsize=8)
-def _method(recipe):
-    """The callable of a recipe, made once a process: it may read the weights of a network."""
-    options = json.loads(recipe)
-    target = _locate(options["_target_"])
-    options = {"_convert_": "all", "_partial_": not isinstance(target, type)} | options
-    try:
-        return hydra.utils.instantiate(options)
-    except hydra.errors.InstantiationException as error:
-        # What the target itself says of its options, in its own words.
-        said = error
-        while said.__cause__ is not None:
-            said = said.__cause__
-        if isinstance(said, ValueError):
-            raise SegmenterError(str(said)) from error
-        raise SegmenterError(f"segmenter._target_={options['_target_']}: {type(said).__name__}: {said}") from error
+def _method(recipe: str) -> Callable[..., ArrayLike]:
+    """The callable that a recipe describes, made once per process: it may read the weights of a network."""
+    return construct("segmenter", json.loads(recipe), SegmenterError)
 
 
-def _locate(name):
-    """What a dotted name names, also below the current folder."""
-    if os.getcwd() not in sys.path:
-        sys.path.append(os.getcwd())
-    try:
-        target = pkgutil.resolve_name(name)
-    except Exception as error:
-        raise SegmenterError(f"segmenter._target_={name}: {type(error).__name__}: {error}") from error
-    if not callable(target):
-        raise SegmenterError(f"segmenter._target_={name} is a {type(target).__name__} and cannot be called")
-    return target
+def _version(name: str, target: Callable[..., Any], method: Callable[..., ArrayLike]) -> int | str:
+    """The version that a method declares, by default a digest of its code."""
+    declared = getattr(method, "algorithm_version", getattr(target, "algorithm_version", None))
+    if declared is not None:
+        return declared
+    module = getattr(target, "__module__", None) or type(target).__module__
+    if module.partition(".")[0] == "studies":
+        raise SegmenterError(
+            f"segmenter._target_={name} is part of this project and must declare algorithm_version, "
+            "a number that is raised whenever its labels change"
+        )
+    return digest_of_code(target)
 
 
-def _without_heat_walk(options, target):
-    """The options without those of the Heat Walk, which is what ``segmenter._target_=…`` alone is laid over."""
+def _without_heat_walk_options(options: dict[str, Any], target: Callable[..., Any]) -> dict[str, Any]:
+    """The options without those of the Heat Walk, the default that ``segmenter._target_=…`` alone is combined with."""
     defaults = {field.name: field.default for field in dataclasses.fields(HeatWalk)}
     if not defaults.keys() <= options.keys():
         return options
-    unclear = [key for key, value in defaults.items() if options[key] != value or key in _signature(target).parameters]
-    if unclear:
+    accepted = _signature(target).parameters
+    ambiguous = [key for key, value in defaults.items() if options[key] != value or key in accepted]
+    if ambiguous:
         raise SegmenterError(
-            f"segmenter.{unclear[0]} is an option of the Heat Walk; to hand one of this name to "
-            f"{options['_target_']}, add segmenter=custom, and +segmenter.{unclear[0]}=…"
+            f"segmenter.{ambiguous[0]} is an option of the Heat Walk; to pass one of this name to "
+            f"{options['_target_']}, add segmenter=custom, and +segmenter.{ambiguous[0]}=…"
         )
     return {key: value for key, value in options.items() if key not in defaults}
 
 
-def _check_options(name, function, options):
+def _check_options(name: str, function: Callable[..., Any], options: Mapping[str, Any]) -> None:
     """Refuse options that a function does not have, before any trial is run."""
     keywords = {key: value for key, value in options.items() if not key.startswith("_")}
     try:
@@ -168,8 +201,9 @@ def _check_options(name, function, options):
         ) from error
 
 
-def _signature(function):
+def _signature(function: Callable[..., Any]) -> inspect.Signature:
+    """The signature of a function; some compiled functions have none, and refuse unknown options themselves."""
     try:
         return inspect.signature(function)
-    except ValueError:  # some compiled functions have none; what they do not take, they refuse themselves
+    except ValueError:
         return inspect.signature(lambda *_, **__: None)

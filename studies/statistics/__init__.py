@@ -1,0 +1,1 @@
+"""Statistics of trials: means over models and their intervals."""

@@ -1,5 +1,6 @@
 """Compose the shipped configurations as the command line does, and run what they plan."""
 
+import io
 import multiprocessing
 import os
 import subprocess
@@ -9,13 +10,15 @@ from tempfile import TemporaryFile
 import pandas as pd
 import pytest
 from hydra import compose, initialize_config_module
+from rich.console import Console
 
 from perturb import perturbation
-from studies.columns import Column, dtypes
-from studies.execution import Serial
-from studies.execution import run_trials as rows_of
-from studies.planning.trial import COLUMNS
-from studies.run import main, run_study
+from studies.columns import dtypes
+from studies.execution import Serial, run_trials
+from studies.execution.study import run_study
+from studies.experiments.experiment import row_columns
+from studies.planning.configuration import configure
+from studies.run import main
 from tests.helpers.meshes import bundled
 
 
@@ -28,6 +31,23 @@ def composed():
             return compose("config", list(overrides))
 
     return compose_with
+
+
+@pytest.fixture
+def configured():
+    """A function: overrides -> the Study."""
+
+    def configure_with(*overrides):
+        with initialize_config_module("conf", version_base="1.3"):
+            return configure(compose("config", list(overrides)), overrides)
+
+    return configure_with
+
+
+@pytest.fixture
+def plan(configured):
+    """A function: overrides -> the trials of the study."""
+    return lambda *overrides: configured(*overrides).plan()
 
 
 # A study whose trials take no time.
@@ -57,13 +77,20 @@ def own_modules(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def study(here, composed):
-    """A function: overrides -> whether every trial of ``STUDY`` gave a figure, run in this process."""
+def console():
+    """A console whose output is printed where pytest captures it."""
+    return Console()
 
-    def go(*words, results="results"):
-        return run_study(composed(*STUDY, "engine=serial", f"results_dir={results}", *words))
 
-    return go
+@pytest.fixture
+def study(here, configured):
+    """A function: overrides -> whether every trial of ``STUDY`` succeeded, run in this process."""
+
+    def run(*words, results="results"):
+        chosen = configured(*STUDY, "engine=serial", f"results_dir={results}", *words)
+        return run_study(chosen, Console()).complete
+
+    return run
 
 
 fork = multiprocessing.get_context("fork")  # for processes of their own that have imported everything
@@ -90,11 +117,18 @@ def typed(folder, *words):
 
 
 @pytest.fixture
-def run_trials():
-    """A function: planned trials, an experiment's own columns -> the DataFrame of their rows, run in this process."""
+def rows_of():
+    """A function: trials, their experiment -> the DataFrame of their rows, run in this process."""
 
-    def run(planned, further=None):
-        columns = dtypes([*COLUMNS, *(Column(name=name, dtype=dtype) for name, dtype in (further or {}).items())])
-        return pd.DataFrame(list(rows_of(Serial(), planned)), columns=list(columns)).astype(columns)
+    def run(trials, experiment):
+        types = dtypes(row_columns(experiment))
+        return pd.DataFrame(run_trials(Serial(), trials), columns=list(types)).astype(types)
 
     return run
+
+
+def printed(function):
+    """What ``function(console)`` prints on a wide console."""
+    written = io.StringIO()
+    function(Console(file=written, width=200))
+    return written.getvalue()

@@ -1,15 +1,16 @@
 """Every shipped study on one small model, from its configuration to its tables and curves."""
 
+import dataclasses
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
 import conf
-from studies.run import run_study
+from studies.execution.study import run_study
 from tests.helpers.meshes import bundled
 
-STUDIES = sorted(path.stem for path in (Path(conf.__file__).parent / "study").glob("*.yaml"))
+STUDIES = sorted(path.stem for path in (Path(conf.__file__).parent / "study").glob("*.yaml") if path.stem != "custom")
 
 
 @pytest.fixture
@@ -28,13 +29,13 @@ def small(tmp_path, request):
 
 
 @pytest.mark.parametrize("study", STUDIES)
-def test_it_runs_and_shows_what_it_found(study, small, composed, tmp_path):
-    cfg = composed(
+def test_it_runs_and_shows_what_it_found(study, small, configured, console, tmp_path):
+    made = configured(
         f"+study={study}", *small(study), "repeats=1", "engine=serial", f"results_dir={tmp_path}", "gallery.models=0"
     )
-    if "plates" in cfg:
-        cfg.plates = {}
-    run_study(cfg)
+    if hasattr(made.experiment, "plates"):
+        made = dataclasses.replace(made, experiment=dataclasses.replace(made.experiment, plates={}))
+    run_study(made, console)
     (folder,) = [path.parent for path in tmp_path.rglob("trials.parquet")]
     rows, table = pd.read_parquet(folder / "trials.parquet"), pd.read_csv(folder / "table.csv")
     assert folder.parts[-2] == study
@@ -42,13 +43,13 @@ def test_it_runs_and_shows_what_it_found(study, small, composed, tmp_path):
     assert len(table) > 0
     assert not table.isna().all(axis=None)
     page = (folder / "table.md").read_text()
-    assert page.startswith(f"# {cfg.title} on {rows['dataset'].iloc[0]}\n")
+    assert page.startswith(f"# {made.title} on {rows['dataset'].iloc[0]}\n")
     assert all(path.stat().st_size > 5000 for path in folder.glob("*.png"))
 
 
-def test_what_is_left_behind_does_not_say_where_the_data_lie(small, composed, tmp_path, psb_zip):
-    cfg = composed("+study=table1", *small("table1"), "engine=serial", f"results_dir={tmp_path}")
-    run_study(cfg)
+def test_what_is_left_behind_does_not_say_where_the_data_are(small, configured, console, tmp_path, psb_zip):
+    made = configured("+study=table1", *small("table1"), "engine=serial", f"results_dir={tmp_path}")
+    run_study(made, console)
     folder = tmp_path / "table1" / "psb"
     for name in ("config.yaml", "provenance.json", "table.md", "table.csv"):
         assert str(psb_zip.parent) not in (folder / name).read_text()

@@ -1,15 +1,24 @@
 """What the options of a run do: fresh, retry_failed, on_error, dry_run; and what is reused from other studies."""
 
+import json
+
 import pandas as pd
 import pytest
 
-from studies.run import run_study
+from studies.execution.study import run_study
 from tests.studies.conftest import STUDY
 from tests.studies.test_survival import FOLDER, rows, table
 
 
 def said(capsys):
     return " ".join(capsys.readouterr().out.split())
+
+
+def _set_stored_seconds(folder, seconds):
+    """Replace the measured seconds of stored rows: no test depends on the clock."""
+    path = folder / "trials.jsonl"
+    rows = [json.loads(line) | {"seconds": seconds} for line in path.read_text().splitlines()]
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
 
 
 def test_failed_trials_run_again_only_when_that_is_asked_for(study, here, capsys):
@@ -33,10 +42,10 @@ def test_fresh_starts_over_and_keeps_what_was(study, here, capsys):
     (here / "broken").unlink()
     assert study("repeats=1", "fresh=true")
     moved = next(path for path in (here / "results" / "normal_noise").iterdir() if ".before-" in path.name)
-    assert f"moved aside: {moved.relative_to(here)}" in said(capsys)
+    assert f"moved to: {moved.relative_to(here)}" in said(capsys)
     assert (moved / "table.csv").read_bytes() == before != table()
     assert study("repeats=2")
-    assert "taken over" not in said(capsys)
+    assert "reused" not in said(capsys)
 
 
 def test_the_first_failure_can_stop_a_study(study, here, capsys):
@@ -45,7 +54,7 @@ def test_the_first_failure_can_stop_a_study(study, here, capsys):
     assert not study("repeats=2", "on_error=stop")
     assert "on_error=stop" in said(capsys)
     assert rows()["status"].tolist() == ["ok", "ok", "failed"]
-    with pytest.raises(ValueError, match="on_error is 'stopp': give one of continue, stop"):
+    with pytest.raises(ValueError, match="on_error is 'stopp': it must be one of continue, stop"):
         study("on_error=stopp")
 
 
@@ -56,28 +65,29 @@ def test_a_dry_run_says_what_there_is_to_do_and_writes_nothing(study, here, caps
     assert "6 to run; time left: unknown" in out
     assert [path.name for path in here.iterdir()] == ["ant.off"]
     study("repeats=3", "levels=[0.1]", "+segmenter.seconds=0.5")
+    _set_stored_seconds(here / "results" / FOLDER, 0.6)
     before = {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
     capsys.readouterr()
     assert study("repeats=4", "dry_run=true", "+segmenter.seconds=0.5")
     out = said(capsys)
     assert "│ 1 │ 2 │ 4 │ 8 │ 3 │ 0 │ 5 │" in out
-    assert "5 to run; time left, from the trials that are stored: 0:00:03 of work" in out
+    assert "5 to run; time left, estimated from the stored trials: 0:00:03 of work" in out
     assert before == {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
 
 
-def test_rows_of_another_study_are_taken_over_and_that_is_said(study, here, composed, capsys):
+def test_rows_of_another_study_are_taken_over_and_that_is_said(study, here, configured, console, capsys):
     words = ("parts.shot_noise.levels=[0.1]", "parts.holes.levels=[3]", "parts.short_circuits.levels=[1]")
     noise = "parts.normal_noise.levels=[0.1,0.2]"
     config = ("+study=table2", *STUDY[1:-1], noise, *words, "engine=serial", "repeats=1")
-    assert run_study(composed(*config))
+    assert run_study(configured(*config), console).complete
     capsys.readouterr()
     assert study("repeats=1", "dry_run=true")
-    assert "2 would be taken over from results/table2/files/trials.jsonl 0 to run" in said(capsys)
+    assert "2 would be reused from results/table2/files/trials.jsonl 0 to run" in said(capsys)
     assert study("repeats=1")
-    assert "2 of them taken over from results/table2/files/trials.jsonl" in said(capsys)
+    assert "2 of them reused from results/table2/files/trials.jsonl" in said(capsys)
     assert set(rows()["study"]) == {"normal_noise"}
     assert study("repeats=1", results="other")
-    assert "taken over" not in said(capsys)
+    assert "reused" not in said(capsys)
     pd.testing.assert_frame_equal(rows(), rows("other"))
     assert table() == table("other")
 
@@ -89,5 +99,5 @@ def test_in_a_fresh_clone_the_studys_own_table_holds_its_rows(study, here, capsy
     for name in ("trials.jsonl", "planned.txt"):
         (results / name).unlink()
     assert study("repeats=2")
-    assert f"4 of them taken over from results/{FOLDER}/trials.parquet" in said(capsys)
+    assert f"4 of them reused from results/{FOLDER}/trials.parquet" in said(capsys)
     assert before == {name: (results / name).read_bytes() for name in before}

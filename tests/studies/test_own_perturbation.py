@@ -10,8 +10,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from studies.planning.plan import plan
-
 README = Path(__file__).parents[2] / "README.md"
 
 
@@ -40,14 +38,14 @@ def test_the_example_runs_where_it_is_typed(here, example):
     assert pd.read_csv(folder / "table.csv")["paper"].isna().all()  # the paper has no figure for it
 
 
-def test_other_code_is_another_perturbation(here, own_modules, composed, example):
+def test_other_code_is_another_perturbation(here, own_modules, plan, example):
     sys.path.insert(0, str(own_modules))
     code, (_, _, _, *words) = example
     words = [*words, "dataset=files", "dataset.glob=ant.off"]
     (own_modules / "my_package.py").write_text(code)
-    before = plan(composed(*words))
-    assert [t.trial_id for t in plan(composed(*words))] == [t.trial_id for t in before]
+    before = plan(*words)
+    assert [t.trial_id for t in plan(*words)] == [t.trial_id for t in before]
     (own_modules / "my_package.py").write_text(code.replace("[self.amount, 0, 0]", "[0, self.amount, 0]"))
-    after = plan(composed(*words))
+    after = plan(*words)
     assert not {t.trial_id for t in before} & {t.trial_id for t in after}
     assert [t.seed for t in before] == [t.seed for t in after]

@@ -9,61 +9,39 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies import report
 from studies.experiments import Change
-from studies.experiments.experiment import Claim
+from studies.reporting.page import page, stored_results
 
 RESULTS = Path(__file__).parents[2] / "results"
 
 
-def claim(paper, low, high, **options):
-    return Claim("x", paper, (low + high) / 2, low, high, **options)
-
-
-@pytest.mark.parametrize(
-    ("found", "verdict"),
-    [
-        (claim(2.0, 1.0, 3.0), "same"),
-        (claim(2.0, 1.0, 1.5), "better"),
-        (claim(2.0, 2.5, 3.0), "worse"),
-        (claim(2.0, 2.5, 3.0, higher_is_better=True), "better"),
-        (claim(2.0, 1.0, 1.5, higher_is_better=True), "worse"),
-        (claim(0.267, 0.2672, 0.3, digits=3), "same"),  # to the digits that the paper gives
-        (claim(0.0, 0.0, 0.0), "same"),
-        (claim(np.nan, 1.0, 2.0), "–"),
-    ],
-)
-def test_the_verdict_is_where_the_papers_figure_lies(found, verdict):
-    assert found.verdict == verdict
-
-
 @pytest.fixture(scope="module")
 def studies():
-    found = report.stored(RESULTS)
+    found = stored_results(RESULTS)
     assert found, "no study is stored"
     return found
 
 
 def test_the_page_is_what_the_stored_trials_give(studies):
-    assert (RESULTS / "README.md").read_text() == report.page(studies, RESULTS)
+    assert (RESULTS / "README.md").read_text() == page(studies, RESULTS)
 
 
 def test_tables_are_what_the_stored_trials_give(studies):
     for study in studies:
-        for stem, table in study.experiment.tables(study.rows, study.cfg).items():
+        for stem, table in study.tables.items():
             stored = (study.folder / f"{stem}.csv").read_text()
             assert table.to_csv(index=False, float_format="%.6g") == stored, study.folder
 
 
 def test_every_change_percentage_on_the_page_is_a_mean_of_stored_trials(studies):
     """Independently of the tables: from the rows alone, model by model."""
-    page = (RESULTS / "README.md").read_text()
+    text = (RESULTS / "README.md").read_text()
     checked = 0
     for study in studies:
         if not isinstance(study.experiment, Change):
             continue
-        anchor = f'<a id="{study.cfg.study.name}-{study.rows["dataset"].iloc[0]}"></a>'
-        section = page.split(anchor)[1].split("<a id")[0]
+        anchor = f'<a id="{study.name}-{study.rows["dataset"].iloc[0]}"></a>'
+        section = text.split(anchor)[1].split("<a id")[0]
         good = study.rows[study.rows["status"] == "ok"]
         for (part, level), group in good.groupby(["part", "level"]):
             mean = np.mean([values.mean() for _, values in group.groupby("model")["change_percentage"]])
@@ -94,6 +72,6 @@ def test_no_results_are_an_error_of_one_line(tmp_path):
 
 def test_rows_of_the_page_name_the_command_that_makes_them(studies):
     for study in studies:
-        assert study.command.startswith(f"python -m studies.run +study={study.cfg.study.name}")
+        assert study.command.startswith(f"python -m studies.run +study={study.name}")
         rows = pd.read_parquet(study.folder / "trials.parquet")
-        assert (rows["study"] == study.cfg.study.name).all()
+        assert (rows["study"] == study.name).all()

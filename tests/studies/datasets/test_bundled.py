@@ -35,7 +35,7 @@ def as_trimesh(model):
     return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
 
 
-def test_there_are_an_ant_a_bunny_and_a_cow():
+def test_the_models_are_an_ant_a_bunny_and_a_cow():
     assert [model.name for model in Bundled().models()] == ["ant", "bunny", "cow"]
     assert [model.name for model in Bundled(["cow", "ant"]).models()] == ["ant", "cow"]
 
@@ -60,14 +60,14 @@ def test_the_surface_has_five_to_ten_thousand_evenly_spaced_vertices(model):
     assert np.degrees(np.quantile(mesh.face_angles, 0.01)) > 20
 
 
-def test_the_surface_stays_near_the_mesh_that_ships(model):
+def test_the_surface_is_close_to_the_packaged_mesh(model):
     mesh, recipe = as_trimesh(model), RECIPES[model.name]
-    shipped = bundled.read_mesh(recipe.path)
-    diagonal = np.linalg.norm(np.ptp(shipped.vertices, axis=0))
-    samples = trimesh.sample.sample_surface(trimesh.Trimesh(shipped.vertices, shipped.faces), 200_000, seed=0)[0]
-    # A wrap stays away from the mesh by its offset, and further in the gaps that it bridges.
-    away = KDTree(samples).query(mesh.vertices)[0] / diagonal
-    assert np.quantile(away, 0.9) < 1.5 * recipe.offset / 100
+    packaged = bundled.read_mesh(recipe.path)
+    diagonal = np.linalg.norm(np.ptp(packaged.vertices, axis=0))
+    samples = trimesh.sample.sample_surface(trimesh.Trimesh(packaged.vertices, packaged.faces), 200_000, seed=0)[0]
+    # The distance of a wrap from the mesh is its offset, and more in the gaps that it bridges.
+    distance = KDTree(samples).query(mesh.vertices)[0] / diagonal
+    assert np.quantile(distance, 0.9) < 1.5 * recipe.offset / 100
 
 
 def test_the_mesh_can_be_segmented_as_it_is(model):
@@ -78,7 +78,7 @@ def test_the_mesh_can_be_segmented_as_it_is(model):
 
 
 @pytest.mark.slow
-def test_another_process_makes_the_same_bytes(model):
+def test_another_process_computes_the_same_bytes(model):
     mesh = model.load()
     ours = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()
     other = subprocess.run(
@@ -97,7 +97,7 @@ def test_a_digest_changes_with_the_recipe(model, monkeypatch):
     assert model.digest() != before
 
 
-def test_a_mesh_that_is_changed_does_not_change_the_next_one(model):
+def test_modifying_a_mesh_does_not_affect_the_next_one_loaded(model):
     first = model.load()
     first.vertices[:] = 0
     first.faces[:] = 0
@@ -111,15 +111,15 @@ def test_models_are_small_to_pickle(model):
     assert pickle.loads(pickle.dumps(model)) == model
 
 
-def test_the_notes_say_what_was_done(model):
+def test_the_notes_describe_the_resampling(model):
     mesh = model.load()
-    assert mesh.notes[-1].startswith("sampled anew by an alpha wrap")
+    assert mesh.notes[-1].startswith("resampled by an alpha wrap")
     assert mesh.notes[-1].endswith(f"vertices became {len(mesh.vertices):,}")
     assert ("Loop" in mesh.notes[-1]) == (model.name == "ant")
 
 
 @pytest.mark.parametrize("models", [["dog"], ["cow", 94], []])
-def test_other_names_are_an_error_that_lists_those_there_are(models):
+def test_unknown_names_are_an_error_that_lists_the_models(models):
     with pytest.raises(DatasetError, match="the bundled models are ant, bunny, cow"):
         Bundled(models).models()
 

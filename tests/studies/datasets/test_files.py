@@ -76,17 +76,17 @@ def test_a_digest_changes_with_the_file_and_with_nothing_else(tmp_path):
     assert other.digest() == before
 
 
-def test_they_have_no_human_segmentations(folder):
+def test_files_have_no_human_segmentations(folder):
     assert all(model.human_segmentations() == [] for model in Files(str(folder)).models())
 
 
-def test_the_dataset_is_called_what_it_is_told(folder):
+def test_the_dataset_has_the_name_that_its_option_specifies(folder):
     assert Files(str(folder)).name == "files"
     assert Files(str(folder), name="cats").name == "cats"
 
 
 @pytest.mark.parametrize("pattern", ["nowhere", "no*/where.off", "*.txt", "cow9.off"])
-def test_no_mesh_is_an_error_that_says_what_was_looked_for_and_from_where(folder, monkeypatch, pattern):
+def test_no_mesh_is_an_error_that_lists_the_suffixes_the_pattern_and_the_folder(folder, monkeypatch, pattern):
     monkeypatch.chdir(folder)
     with pytest.raises(DatasetError) as error:
         Files(pattern).models()
@@ -94,12 +94,12 @@ def test_no_mesh_is_an_error_that_says_what_was_looked_for_and_from_where(folder
         assert part in str(error.value)
 
 
-def test_no_pattern_is_an_error_that_shows_one():
+def test_a_missing_pattern_is_an_error_that_shows_one():
     with pytest.raises(DatasetError, match=r"dataset\.glob='my/meshes/\*\*/\*\.off'"):
         Files(None).models()
 
 
-def test_two_files_of_one_name_are_an_error_that_names_both(tmp_path):
+def test_two_files_with_one_model_name_are_an_error_that_names_both(tmp_path):
     for name in ("cow.off", "cow.obj"):
         bundled("ant").export(tmp_path / name)
     with pytest.raises(DatasetError, match=r"cow\.obj and .*cow\.off would both be the model 'cow'; .*\*\*/\*\.off"):

@@ -12,7 +12,7 @@ from studies.datasets.psb import CATEGORIES, NON_RIGID, PSB
 
 @pytest.fixture
 def small(tmp_path):
-    """A benchmark of three small models, the second one broken, only the first segmented by people."""
+    """A benchmark of three small models, the second one damaged; only the first has segmentations by people."""
     off = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
     data = tmp_path / "MeshsegBenchmark-1.0" / "data"
     people = data / "seg" / "Benchmark" / "2"
@@ -26,14 +26,14 @@ def small(tmp_path):
 
 
 def as_zip(folder, path):
-    files = list(folder.rglob("*"))  # before the zip, which may lie in the folder
+    files = list(folder.rglob("*"))  # before the archive, which may be in the folder
     with zipfile.ZipFile(path, "w") as archive:
         for file in files:
             archive.write(file, file.relative_to(folder))
     return path
 
 
-def test_the_zip_and_the_folder_hold_the_same_models(psb_zip, psb_root):
+def test_the_zip_and_the_folder_contain_the_same_models(psb_zip, psb_root):
     packed, unpacked = PSB(psb_zip).models(), PSB(psb_root).models()
     assert [(model.name, model.category) for model in packed] == [(model.name, model.category) for model in unpacked]
     for here, there in zip(packed[::20], unpacked[::20], strict=True):
@@ -44,7 +44,7 @@ def test_the_zip_and_the_folder_hold_the_same_models(psb_zip, psb_root):
             assert np.array_equal(ours, theirs)
 
 
-def test_a_digest_is_the_hash_of_the_models_file(psb_root):
+def test_a_digest_is_the_hash_of_the_file(psb_root):
     models = PSB(psb_root).models()
     assert len(models) == 190
     for model in models:
@@ -64,7 +64,7 @@ def test_human_segmentations_are_in_the_order_of_their_numbers(small):
     assert [labels[-1] for labels in model.human_segmentations()] == [0, 2, 10]
 
 
-def test_a_model_that_nobody_segmented_has_no_human_segmentations(small):
+def test_a_model_without_segmentation_files_has_no_human_segmentations(small):
     [model] = PSB(small, models=[84]).models()
     assert model.human_segmentations() == []
 
@@ -93,7 +93,7 @@ def test_categories_are_as_the_benchmark_numbers_them(psb_zip):
     assert set(NON_RIGID) < set(CATEGORIES)
 
 
-def test_categories_are_found_in_any_case_of_letters(psb_zip):
+def test_categories_are_found_in_upper_and_lower_case(psb_zip):
     models = PSB(psb_zip, categories=["fourleg", "HUMAN"]).models()
     assert [int(model.name) for model in models] == [*range(1, 11), *range(381, 391)]
 
@@ -102,7 +102,7 @@ def test_models_may_be_numbers_or_names(psb_zip):
     assert PSB(psb_zip, models=[106, "1"]).models() == PSB(psb_zip, models=["106", 1]).models()
 
 
-def test_categories_and_models_together_leave_what_is_in_both(psb_zip):
+def test_categories_and_models_together_select_what_satisfies_both(psb_zip):
     models = PSB(psb_zip, categories=["Human", "Ant"], models=[3, 84, 106]).models()
     assert [model.name for model in models] == ["3", "84"]
 
@@ -122,11 +122,11 @@ def test_models_are_small_to_pickle_and_load_the_same_elsewhere(psb_zip):
         ({"categories": ["Human", "Cup"]}, "does not have the categories Cup; it has Human, Ant$"),
         ({"models": [2, 94]}, "does not have the models 94; it has 2, 10, 84$"),
         ({"models": [270]}, "does not have the models 270;"),
-        ({"models": [2], "categories": ["Ant"]}, "has 3 models of the benchmark, and .* leave none of them"),
-        ({"models": []}, "leave none of them"),
+        ({"models": [2], "categories": ["Ant"]}, "has 3 models of the benchmark, and .* select none of them"),
+        ({"models": []}, "select none of them"),
     ],
 )
-def test_what_is_asked_for_and_not_there_is_an_error_that_says_what_is(small, options, message):
+def test_a_request_for_what_is_not_available_is_an_error_that_lists_what_is(small, options, message):
     with pytest.raises(DatasetError, match=message):
         PSB(small, **options).models()
 
@@ -138,12 +138,12 @@ def test_an_option_that_is_not_a_list_is_an_error_that_shows_one(options):
         PSB("anywhere", **options)
 
 
-def test_long_lists_of_models_are_drawn_together(psb_zip):
+def test_consecutive_numbers_of_models_are_listed_as_ranges(psb_zip):
     with pytest.raises(DatasetError, match=r"does not have the models 11; it has 1-10, 21-30, .*, 381-390$"):
         PSB(psb_zip, models=[11]).models()
 
 
-def test_a_missing_benchmark_is_an_error_that_says_where_to_get_it_and_what_to_type(tmp_path):
+def test_a_missing_benchmark_is_an_error_that_tells_where_to_get_it_and_what_to_type(tmp_path):
     (tmp_path / "not a zip.zip").write_text("nothing")
     as_zip(tmp_path, tmp_path / "other.zip")
     for root in (
@@ -167,7 +167,7 @@ def test_a_missing_benchmark_is_an_error_that_says_where_to_get_it_and_what_to_t
 
 
 @pytest.mark.parametrize("packed", [False, True])
-def test_a_broken_mesh_is_an_error_that_names_the_file_it_is_in(small, packed):
+def test_a_damaged_mesh_is_an_error_that_names_its_file(small, packed):
     root = as_zip(small, small / "psb.zip") if packed else small
     [model] = PSB(root, models=[10]).models()
     with pytest.raises(MeshError, match=r"MeshsegBenchmark-1\.0/data/off/10\.off: ") as error:

@@ -10,7 +10,7 @@ import trimesh
 from scipy.io import savemat
 
 from heatwalk import MeshError
-from heatwalk.io.files import read_mesh
+from heatwalk.io import read_mesh
 from studies.datasets import DatasetError
 from studies.datasets.tosca import TOSCA
 
@@ -38,7 +38,7 @@ def without_corres(small):
 
 @pytest.fixture(scope="session")
 def cat(tosca_root):
-    """Vertices of two poses of a cat, with the same faces, as the original has them: cat1 is cat0 in a bend."""
+    """Vertices of two poses of a cat with the same faces, as in the original: cat1 is cat0 bent."""
     mesh = read_mesh(tosca_root / "cat0.off")
     bent = mesh.vertices * [1, 1, 1.2] + np.sin(mesh.vertices[:, [1, 2, 0]] / 20)
     return {"cat0": mesh.vertices, "cat1": bent}, mesh.faces
@@ -55,8 +55,8 @@ def write_text(path, vertices, faces):
 
 
 def as_zip(folder, path):
-    files = [file for file in folder.rglob("*") if file.is_file()]  # before the zip, which may lie in the folder
-    with zipfile.ZipFile(path, "w") as archive:  # as many zips are: without entries for folders
+    files = [file for file in folder.rglob("*") if file.is_file()]  # before the archive, which may be in the folder
+    with zipfile.ZipFile(path, "w") as archive:  # without entries for folders, as in many archives
         for file in files:
             archive.write(file, file.relative_to(folder))
     return path
@@ -67,7 +67,7 @@ def pose(root, name):
     return model
 
 
-def test_the_zip_and_the_folder_hold_the_same_poses(tosca_zip, tosca_root):
+def test_the_zip_and_the_folder_contain_the_same_poses(tosca_zip, tosca_root):
     packed, unpacked = TOSCA(tosca_zip).models(), TOSCA(tosca_root).models()
     assert [(model.name, model.category) for model in packed] == [(model.name, model.category) for model in unpacked]
     for here, there in zip(packed[::8], unpacked[::8], strict=True):
@@ -117,7 +117,7 @@ def test_the_ends_of_an_edge_are_next_to_each_other_in_every_pose(tosca_root):
         assert np.quantile(apart, 0.99) < 5
 
 
-def test_the_original_as_matlab_structures_or_as_text_holds_the_same_poses(cat, tmp_path):
+def test_the_original_as_matlab_structures_or_as_text_contains_the_same_poses(cat, tmp_path):
     vertices, faces = cat
     mat, text = tmp_path / "mat", tmp_path / "text"
     mat.mkdir()
@@ -179,7 +179,7 @@ def test_poses_without_listed_vertices_correspond_by_number_if_they_have_the_sam
         pose(without_corres, "cat10").correspondence()
 
 
-def test_a_shape_may_have_listed_vertices_where_another_has_none(small):
+def test_one_shape_may_have_listed_vertices_and_another_none(small):
     (small / "corres" / "dog0.vts").unlink()
     assert pose(small, "dog0").correspondence().tolist() == [0, 1, 2, 3]
     assert pose(small, "cat10").correspondence().tolist() == [0, 1, 2, 3, 1]
@@ -197,7 +197,7 @@ def test_a_shape_may_have_listed_vertices_where_another_has_none(small):
     ],
 )
 @pytest.mark.parametrize("packed", [False, True])
-def test_a_broken_list_of_vertices_is_an_error_that_names_file_and_line(small, content, message, packed):
+def test_a_damaged_list_of_vertices_is_an_error_that_names_file_and_line(small, content, message, packed):
     (small / "corres" / "cat10.vts").write_text(content)
     root = as_zip(small, small.with_suffix(".zip")) if packed else small
     with pytest.raises(DatasetError, match=rf"corres/cat10\.vts:? .*{message}|corres/cat10\.vts: {message}") as error:
@@ -205,7 +205,7 @@ def test_a_broken_list_of_vertices_is_an_error_that_names_file_and_line(small, c
     assert str(error.value).startswith(str(root))
 
 
-def test_a_missing_list_of_vertices_is_an_error_and_leaves_the_other_poses_theirs(small):
+def test_a_missing_list_of_vertices_is_an_error_for_its_pose_alone(small):
     (small / "corres" / "cat2.vts").unlink()
     with pytest.raises(DatasetError, match=r"corres/cat2\.vts is missing"):
         pose(small, "cat2").correspondence()
@@ -227,17 +227,17 @@ def test_listed_vertices_of_a_mesh_that_reading_renumbers_are_an_error(small):
         ({"surface": {"X": np.ones(3), "Y": np.ones(2), "Z": np.ones(3), "TRIV": [[1, 2, 3]] * 2}}, "dimensions"),
         ({"surface": {"X": np.ones(3), "Y": np.ones(3), "Z": np.ones(3), "TRIV": [[1, 2, 4]] * 2}}, "vertex 3, but"),
         ({"surface": {"X": np.ones(3), "Y": np.ones(3), "Z": np.ones(3), "TRIV": [[1, 2, 0]] * 2}}, "vertex -1, but"),
-        ({"surface": {"X": np.ones(3), "Y": np.ones(3), "Z": np.ones(3), "TRIV": [[1, 2, 1.5]] * 2}}, "not whole"),
+        ({"surface": {"X": np.ones(3), "Y": np.ones(3), "Z": np.ones(3), "TRIV": [[1, 2, 1.5]] * 2}}, "not integers"),
     ],
 )
-def test_a_broken_matlab_file_is_an_error_that_names_it(tmp_path, content, message):
+def test_a_damaged_matlab_file_is_an_error_that_names_it(tmp_path, content, message):
     savemat(tmp_path / "cat0.mat", content)
     with pytest.raises(MeshError, match=rf"cat0\.mat: .*{message}") as error:
         pose(tmp_path, "cat0").load()
     assert str(error.value).startswith(str(tmp_path))
 
 
-def test_files_that_are_no_pose_at_all_are_errors_that_name_them(tmp_path):
+def test_files_that_do_not_contain_a_pose_are_errors_that_name_them(tmp_path):
     (tmp_path / "cat0.mat").write_bytes(b"nothing of MATLAB")
     (tmp_path / "text").mkdir()
     (tmp_path / "text" / "cat0.vert").write_text("0 0 0\n1 0 0\n0 1 0\n")
@@ -263,24 +263,24 @@ def test_poses_are_small_to_pickle_and_load_the_same_elsewhere(tosca_zip):
     [
         ({"categories": ["cow"]}, "does not have the categories cow; it has cat, dog$"),
         ({"models": ["cat1", "cat2"]}, "does not have the models cat1; it has cat2, cat10, dog0$"),
-        ({"models": ["cat2"], "categories": ["Dog"]}, "has 3 poses, and .* leave none of them"),
+        ({"models": ["cat2"], "categories": ["Dog"]}, "has 3 poses, and .* select none of them"),
     ],
 )
-def test_what_is_asked_for_and_not_there_is_an_error_that_says_what_is(small, options, message):
+def test_a_request_for_what_is_not_available_is_an_error_that_lists_what_is(small, options, message):
     with pytest.raises(DatasetError, match=message):
         TOSCA(small, **options).models()
 
 
-def test_poses_in_two_kinds_of_files_or_in_two_folders_are_an_error_that_names_both(small):
+def test_poses_in_two_formats_or_in_two_folders_are_an_error_that_names_both(small):
     write_mat(small / "cat2.mat", np.eye(3), np.array([[0, 1, 2], [2, 1, 0]]))
     with pytest.raises(DatasetError, match=r"vtx_5k has cat2 both as \.mat and as \.off"):
         TOSCA(small).models()
     shutil.copytree(small, small.parent / "vtx_7k")
-    with pytest.raises(DatasetError, match="holds such data more than once, in vtx_5k and vtx_7k"):
+    with pytest.raises(DatasetError, match="contains the data more than once, in vtx_5k and vtx_7k"):
         TOSCA(small.parent).models()
 
 
-def test_missing_data_are_an_error_that_says_what_is_looked_for_and_what_to_type(tmp_path):
+def test_missing_data_are_an_error_that_lists_the_expected_files_and_what_to_type(tmp_path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "not a zip.zip").write_text("nothing")
     as_zip(tmp_path / "empty", tmp_path / "other.zip")

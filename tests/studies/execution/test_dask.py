@@ -11,10 +11,10 @@ from pathlib import Path
 
 import psutil
 import pytest
+from studies.planning.plan import plan
 
 from studies.datasets.files import FileModel
 from studies.execution import Serial, TaskFailure, run_trials
-from studies.planning.plan import plan
 from studies.planning.trial import COLUMNS, TIMINGS
 from tests.helpers.meshes import bundled
 from tests.studies.conftest import STUDY

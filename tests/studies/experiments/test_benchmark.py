@@ -3,16 +3,16 @@ import pandas as pd
 import pytest
 
 import heatwalk
-from heatwalk.io.files import read_mesh, read_seg
+from heatwalk.io import read_mesh, read_seg
 from studies.experiments import Benchmark
 from studies.metrics import psb
-from studies.planning.plan import plan
+from studies.reporting.publication import Publication
 from tests.helpers.meshes import DATA
 
 
 @pytest.fixture
-def planned(composed, psb_zip):
-    return plan(composed("+study=table1", f"dataset.root={psb_zip}", "dataset.models=[50,209]"))
+def planned(plan, psb_zip):
+    return plan("+study=table1", f"dataset.root={psb_zip}", "dataset.models=[50,209]")
 
 
 def people(root, model):
@@ -21,8 +21,8 @@ def people(root, model):
     return {path.name: read_seg(path) for path in folder.glob("*.seg")}
 
 
-def test_the_row_of_a_method_is_its_mean_over_people(planned, run_trials, psb_root):
-    rows = run_trials(planned, Benchmark.columns).set_index(["model", "segmenter"])
+def test_the_row_of_a_method_is_its_mean_over_people(planned, rows_of, psb_root):
+    rows = rows_of(planned, Benchmark).set_index(["model", "segmenter"])
     mesh = read_mesh(psb_root / "data" / "off" / "50.off")
     ours = heatwalk.segment(mesh.vertices, mesh.faces).face_labels
     against = pd.DataFrame(psb.evaluate(mesh, ours, labels) for labels in people(psb_root, "50").values())
@@ -32,8 +32,8 @@ def test_the_row_of_a_method_is_its_mean_over_people(planned, run_trials, psb_ro
         assert row[metric] == pytest.approx(against[metric].mean(), rel=1e-12), metric
 
 
-def test_the_row_of_people_is_the_mean_over_all_that_differ(planned, run_trials, psb_root):
-    row = run_trials([t for t in planned if t.model.name == "209"], Benchmark.columns).set_index("segmenter")
+def test_the_row_of_people_is_the_mean_over_all_that_differ(planned, rows_of, psb_root):
+    row = rows_of([t for t in planned if t.model.name == "209"], Benchmark).set_index("segmenter")
     mesh = read_mesh(psb_root / "data" / "off" / "209.off")
     labels = people(psb_root, "209")
     ordered = pd.DataFrame(psb.evaluate(mesh, labels[a], labels[b]) for a in labels for b in labels if a != b)
@@ -41,10 +41,10 @@ def test_the_row_of_people_is_the_mean_over_all_that_differ(planned, run_trials,
         assert row.loc["Humans", metric] == pytest.approx(ordered[metric].mean(), rel=1e-9), metric
 
 
-def test_the_table_has_our_rows_beside_the_papers_eight(composed, planned, run_trials):
-    rows = run_trials(planned, Benchmark.columns)
-    cfg = composed("+study=table1")
-    table = Benchmark().tables(rows, cfg)["table"].set_index(["source", "method"])
+def test_the_table_has_our_rows_and_the_papers_eight(planned, rows_of):
+    rows = rows_of(planned, Benchmark)
+    annotated = Publication.load("heat_walk_2011").annotate(Benchmark().tables(rows)[0], rows)
+    table = annotated.frame.set_index(["source", "method"])
     for method in ("HeatWalk", "Humans"):
         for metric in ("cut_discrepancy", "rand_index_error", "hamming", "gce", "lce"):
             mean = rows.loc[rows["segmenter"] == method, metric].mean()
@@ -58,17 +58,16 @@ def test_the_table_has_our_rows_beside_the_papers_eight(composed, planned, run_t
     pd.testing.assert_frame_equal(table.loc["paper"][list(paper.columns)], paper, check_names=False, check_dtype=False)
 
 
-def test_a_model_that_nobody_segmented_is_a_row_that_says_so(composed, run_trials):
-    cfg = composed("+study=table1", "dataset=bundled", "~dataset.categories")
-    rows = run_trials(plan(cfg), Benchmark.columns)
+def test_a_model_that_nobody_segmented_is_a_row_that_says_so(plan, rows_of):
+    rows = rows_of(plan("+study=table1", "dataset=bundled", "~dataset.categories"), Benchmark)
     assert set(rows["status"]) == {"failed"}
     assert rows["error"].str.contains("has 0 segmentations by people").all()
-    table = Benchmark().tables(rows, cfg)["table"].set_index(["source", "method"])
+    table = Benchmark().tables(rows)[0].frame.set_index(["source", "method"])
     assert table.loc[("computed", "HeatWalk"), "failures"] == 3
     assert np.isnan(table.loc[("computed", "HeatWalk"), "hamming"])
 
 
-def test_segmentations_by_people_that_change_are_other_trials(composed, psb_root, tmp_path):
+def test_segmentations_by_people_that_change_are_other_trials(plan, psb_root, tmp_path):
     import shutil
 
     data = tmp_path / "data"
@@ -77,7 +76,7 @@ def test_segmentations_by_people_that_change_are_other_trials(composed, psb_root
         target.parent.mkdir(parents=True, exist_ok=True)
         source = psb_root / "data" / part
         shutil.copytree(source, target) if source.is_dir() else shutil.copy(source, target)
-    ids = [[t.trial_id for t in plan(composed("+study=table1", f"dataset.root={tmp_path}"))]]
+    ids = [[t.trial_id for t in plan("+study=table1", f"dataset.root={tmp_path}")]]
     next((data / "seg" / "Benchmark" / "50").glob("*.seg")).unlink()
-    ids.append([t.trial_id for t in plan(composed("+study=table1", f"dataset.root={tmp_path}"))])
+    ids.append([t.trial_id for t in plan("+study=table1", f"dataset.root={tmp_path}")])
     assert not set(ids[0]) & set(ids[1])

@@ -6,18 +6,22 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
+import yaml
 from omegaconf import OmegaConf
 
 import conf
 import perturb
 from studies import segmenters
 from studies.execution import map_ordered
-from studies.experiments.change import parts
+from studies.experiments import Change
+from studies.planning.configuration import instantiate_experiment
+from studies.planning.errors import StudyError
+from studies.reporting.publication import Publication
 from tests.helpers.meshes import DATA, bundled
 
 CONF = Path(conf.__file__).parent
 PAPER = DATA.parent / "paper"
-STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
+STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml") if path.stem != "custom")
 
 
 def names(group):
@@ -25,19 +29,33 @@ def names(group):
 
 
 @pytest.mark.parametrize("study", STUDIES)
-def test_every_study_composes_and_its_perturbation_works_at_every_level(study, composed):
-    cfg = composed(f"+study={study}")
-    assert cfg.study.name == study
-    assert cfg.repeats >= 1
-    assert cfg.title
+def test_every_study_composes_and_its_perturbation_works_at_every_level(study, configured):
+    made = configured(f"+study={study}", "engine=serial")
+    assert made.name == study
+    assert made.title
     mesh = bundled("cow")
-    for part in parts(cfg).values() if cfg.experiment._target_.endswith(".Change") else ():
-        for level in part.levels:
-            perturbation = hydra.utils.instantiate(part.perturbation, **{part.swept: level})
+    for name, part in made.experiment.named_parts(study).items() if isinstance(made.experiment, Change) else ():
+        assert part.title
+        assert part.axis
+        for level, perturbation in part.at_levels(name):
             assert getattr(perturbation, part.swept) == level
             result = perturbation(mesh, np.random.default_rng(0))
             assert isinstance(result.mesh, trimesh.Trimesh)
             assert result.counterpart.shape == (len(mesh.vertices),)
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_the_stored_configuration_makes_the_same_experiment(study, configured):
+    made = configured(f"+study={study}", "engine=serial")
+    stored = yaml.safe_load(yaml.safe_dump(dict(made.record)))
+    assert instantiate_experiment(stored) == made.experiment
+
+
+def test_a_study_of_ones_own_kind_needs_a_name_and_a_class(configured):
+    with pytest.raises(StudyError, match=r"study\.name is required"):
+        configured("+study=custom")
+    with pytest.raises(StudyError, match=r"experiment\._target_ is required"):
+        configured("+study=custom", "study.name=mine")
 
 
 @pytest.mark.parametrize("name", names("perturbation"))
@@ -56,33 +74,47 @@ def test_every_registered_perturbation_has_a_config_and_a_study():
 # These two need a program or a method; tests/studies/segmenters has them.
 @pytest.mark.parametrize("name", sorted(set(names("segmenter")) - {"custom", "external"}))
 def test_every_segmenter_config_gives_a_label_for_every_vertex(name, composed):
-    segmenter = segmenters.make(composed("+study=holes", f"segmenter={name}").segmenter)
+    options = OmegaConf.to_container(composed("+study=holes", f"segmenter={name}").segmenter)
+    segmenter = segmenters.make_segmenter(options)
     mesh = bundled("ant")
     labels = segmenter(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     assert labels.shape == (len(mesh.vertices),)
     assert labels.dtype.kind == "i"
 
 
-# A dask scheduler has to be there first; tests/studies/test_cluster.py has one.
+# A dask scheduler has to exist first; tests/studies/execution/test_dask.py has one.
 @pytest.mark.parametrize("name", sorted(set(names("engine")) - {"dask"}))
 def test_every_engine_config_runs_every_task(name, composed):
     engine = hydra.utils.instantiate(composed("+study=holes", f"engine={name}").engine)
     assert map_ordered(engine, abs, [-1, 2, -3]) == [1, 2, 3]
 
 
-@pytest.mark.parametrize("name", names("dataset"))
+@pytest.mark.parametrize("name", sorted(set(names("dataset")) - {"custom"}))
 def test_every_dataset_config_makes_its_dataset(name, composed):
     assert hydra.utils.instantiate(composed("+study=holes", f"dataset={name}").dataset).name == name
 
 
-def test_the_papers_figures_in_the_studies_are_those_of_table_2(composed):
+def test_no_config_file_repeats_another():
+    contents = [path.read_text() for path in CONF.rglob("*.yaml")]
+    assert len(set(contents)) == len(contents)
+
+
+def test_the_published_values_are_those_of_the_papers_table_2():
     if not PAPER.exists():
-        pytest.skip(f"the paper's tables are not at hand: no {PAPER}")
+        pytest.skip(f"the paper's tables are not available: {PAPER} does not exist")
+    publication = Publication.load("heat_walk_2011")
     table = pd.read_csv(PAPER / "table2.csv")
     for study, rows in table.groupby("perturbation"):
-        paper = composed(f"+study={study}").paper
+        (entry,) = [e for e in publication._data["values"] if e.get("where") == {"part": study}]
         scale = 0.01 if rows["level_unit"].iloc[0].startswith("percent") else 1
         expected = {
             round(level * scale, 6): cp for level, cp in zip(rows["level"], rows["change_percentage"], strict=True)
         }
-        assert {round(float(level), 6): cp for level, cp in paper.items()} == expected
+        assert {round(float(level), 6): cp for level, cp in entry["values"].items()} == expected
+
+
+def test_every_study_of_the_publication_exists_and_every_value_is_about_one():
+    data = Publication.load("heat_walk_2011")._data
+    assert set(data["studies"]) <= set(STUDIES)
+    parts = {entry["where"]["part"] for entry in data["values"] if "part" in entry.get("where", {})}
+    assert parts <= set(STUDIES)

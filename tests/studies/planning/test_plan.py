@@ -1,17 +1,19 @@
+import hashlib
+import itertools
+import json
 import random
 
 import pytest
 
-from studies.planning.plan import StudyError, digest, digests, plan
+from studies.planning.errors import StudyError
+from studies.planning.fingerprint import digest, digest_of_code
 from tests.helpers.meshes import bundled
 
-
-def small(composed, *overrides):
-    return composed("+study=shot_noise", "dataset.models=[ant,cow]", "levels=[0.1,0.2]", "repeats=2", *overrides)
+SMALL = ("+study=shot_noise", "dataset.models=[ant,cow]", "levels=[0.1,0.2]", "repeats=2")
 
 
-def test_a_plan_has_each_model_level_and_repeat_once(composed):
-    trials = plan(small(composed))
+def test_a_plan_has_each_model_level_and_repeat_once(plan):
+    trials = plan(*SMALL)
     assert [(t.model.name, t.level, t.repeat) for t in trials] == [
         (model, level, repeat) for model in ("ant", "cow") for level in (0.1, 0.2) for repeat in (0, 1)
     ]
@@ -19,49 +21,96 @@ def test_a_plan_has_each_model_level_and_repeat_once(composed):
     assert len({t.trial_id for t in trials}) == len({t.seed for t in trials}) == len(trials)
 
 
-def test_seeds_and_ids_do_not_depend_on_what_else_is_planned(composed):
-    whole = {(t.model.name, t.level, t.repeat): (t.seed, t.trial_id) for t in plan(small(composed))}
-    part = plan(composed("+study=shot_noise", "dataset.models=[cow]", "levels=[0.3,0.2]", "repeats=1"))
+def test_seeds_and_ids_do_not_depend_on_what_else_is_planned(plan):
+    whole = {(t.model.name, t.level, t.repeat): (t.seed, t.trial_id) for t in plan(*SMALL)}
+    part = plan("+study=shot_noise", "dataset.models=[cow]", "levels=[0.3,0.2]", "repeats=1")
     random.shuffle(part)
     for t in part:
         if t.level == 0.2:
             assert (t.seed, t.trial_id) == whole[("cow", 0.2, 0)]
 
 
-def test_digests_that_differ_in_numbers_are_those_of_the_whole():
-    what, rest = ("holes", ["ant", "π"], {"b": None, "a": 0.1}), ({"b": [1.5, "é"], "a": {}}, 4, "x")
-    assert digests(what, rest)(3, 10**17) == digest(*what, 3, 10**17, *rest)
-    assert digests(what)(5) == digest("holes", ["ant", "π"], {"a": 0.1, "b": None}, 5)
+def test_several_segmenters_are_planned_with_the_same_seeds_and_ids_as_alone(plan):
+    several = plan(*SMALL, "segmenters=[heat_walk,tests.helpers.segmenting.halves]")
+    alone = plan(*SMALL)
+    halves = plan(*SMALL, "segmenter=custom", "segmenter._target_=tests.helpers.segmenting.halves")
+    by_method = {name: [t for t in several if t.segmenter_name == name] for name in ("HeatWalk", "halves")}
+    assert [t.trial_id for t in by_method["HeatWalk"]] == [t.trial_id for t in alone]
+    assert [t.trial_id for t in by_method["halves"]] == [t.trial_id for t in halves]
+    assert [t.seed for t in by_method["HeatWalk"]] == [t.seed for t in by_method["halves"]]
 
 
-def test_a_plan_is_the_same_every_time(composed):
-    assert [t.trial_id for t in plan(small(composed))] == [t.trial_id for t in plan(small(composed))]
+def test_trials_of_one_group_are_consecutive(plan):
+    keys = [t.group_key for t in plan(*SMALL, "segmenters=[heat_walk,tests.helpers.segmenting.halves]")]
+    assert sum(one != other for one, other in itertools.pairwise(keys)) == len(set(keys)) - 1
+
+
+def test_options_of_a_segmenter_among_several_are_used(plan):
+    several = plan(*SMALL, "segmenters=[tests.helpers.segmenting.halves,heat_walk]", "segmenter.time=2")
+    assert {t.segmenter.method.time for t in several if t.segmenter_name == "HeatWalk"} == {2}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["segmenters=[heat_walk,heat_walk]"], "contains HeatWalk twice"),
+        (["segmenters=[walk]"], "contains 'walk', which is neither one of custom, external, heat_walk"),
+        (["segmenters=heat_walk"], "must be a list"),
+        (["segmenters=[]"], "must be a list"),
+        (["segmenters=[tests.helpers.segmenting.halves]", "segmenter.time=2"], "does not contain heat_walk"),
+    ],
+)
+def test_segmenters_that_cannot_be_compared_are_an_error(plan, words, message):
+    with pytest.raises(StudyError, match=message):
+        plan(*SMALL, *words)
+
+
+def test_a_digest_is_that_of_the_json():
+    text = json.dumps(["holes", {"a": 0.1, "b": None}, 3])
+    assert digest("holes", {"b": None, "a": 0.1}, 3) == hashlib.sha256(text.encode()).hexdigest()
+
+
+def test_the_digest_of_code_is_of_the_whole_package(own_modules, monkeypatch):
+    monkeypatch.syspath_prepend(own_modules)
+    package = own_modules / "my_digested"
+    package.mkdir()
+    (package / "__init__.py").write_text("def method(vertices, faces): ...\n")
+    (package / "helper.py").write_text("A = 1\n")
+    import my_digested
+
+    before = digest_of_code(my_digested.method)
+    (package / "helper.py").write_text("A = 2\n")
+    assert digest_of_code(my_digested.method) != before
+
+
+def test_a_plan_is_the_same_every_time(plan):
+    assert [t.trial_id for t in plan(*SMALL)] == [t.trial_id for t in plan(*SMALL)]
 
 
 @pytest.mark.parametrize("change", ["segmenter.time=2", "perturbation.height=2", "segmenter.density=area"])
-def test_whatever_changes_the_result_changes_the_id_and_leaves_the_seed(composed, change):
-    before, after = plan(small(composed)), plan(small(composed, change))
+def test_whatever_changes_the_result_changes_the_id_and_leaves_the_seed(plan, change):
+    before, after = plan(*SMALL), plan(*SMALL, change)
     assert not {t.trial_id for t in before} & {t.trial_id for t in after}
     assert [t.seed for t in before] == [t.seed for t in after]
 
 
-def test_a_new_version_of_a_perturbation_changes_the_id_and_leaves_the_seed(composed, monkeypatch):
-    before = plan(small(composed))
+def test_a_new_version_of_a_perturbation_changes_the_id_and_leaves_the_seed(plan, monkeypatch):
+    before = plan(*SMALL)
     monkeypatch.setattr("perturb.ShotNoise.version", 2)
-    after = plan(small(composed))
+    after = plan(*SMALL)
     assert not {t.trial_id for t in before} & {t.trial_id for t in after}
     assert [t.seed for t in before] == [t.seed for t in after]
 
 
-@pytest.mark.parametrize("change", ["engine.workers=1", "engine=serial", "results_dir=elsewhere", "gallery.models=0"])
-def test_what_does_not_change_the_result_leaves_the_id(composed, change):
-    assert [t.trial_id for t in plan(small(composed))] == [t.trial_id for t in plan(small(composed, change))]
+@pytest.mark.parametrize(
+    "change", ["engine.workers=1", "engine=serial", "results_dir=other", "gallery.models=0", "paper=none"]
+)
+def test_what_does_not_change_the_result_leaves_the_id(plan, change):
+    assert [t.trial_id for t in plan(*SMALL)] == [t.trial_id for t in plan(*SMALL, change)]
 
 
-def test_another_field_than_the_amount_can_be_swept(composed):
-    trials = plan(
-        composed("+study=shot_noise", "swept=height", "levels=[0.5,2]", "repeats=1", "perturbation.amount=0.06")
-    )
+def test_another_field_than_the_amount_can_be_swept(plan):
+    trials = plan("+study=shot_noise", "swept=height", "levels=[0.5,2]", "repeats=1", "perturbation.amount=0.06")
     assert {(t.perturbation.amount, t.perturbation.height, t.unit) for t in trials} == {
         (0.06, 0.5, "mean_edge_length"),
         (0.06, 2, "mean_edge_length"),
@@ -72,21 +121,24 @@ def test_another_field_than_the_amount_can_be_swept(composed):
     ("option", "message"),
     [
         ("levels=[]", "levels is empty"),
-        ("levels=[0.1,0.1]", "levels holds a value twice"),
+        ("levels=[0.1,0.1]", "levels contains a value twice"),
+        ("levels=5", "levels is 5: it must be a list"),
+        ("levels=[[5]]", r"levels contains \[5\], which is not a number"),
         ("repeats=0", "repeats is 0"),
         ("repeats=1.5", "repeats is 1.5"),
+        ("gallery.style=pretty", "gallery.style is 'pretty'"),
+        ("swept=width", "swept is 'width': it must be one of amount, unit, height"),
+        ("on_error=stopp", "on_error is 'stopp': it must be one of continue, stop"),
     ],
 )
-def test_what_makes_no_trial_is_an_error(composed, option, message):
+def test_what_makes_no_trial_is_an_error(plan, option, message):
     with pytest.raises(StudyError, match=message):
-        plan(composed("+study=shot_noise", option))
+        plan("+study=shot_noise", option)
 
 
-def test_two_models_of_the_same_mesh_are_different_trials(composed, tmp_path):
+def test_two_models_of_the_same_mesh_are_different_trials(plan, tmp_path):
     for name in ("one", "two"):
         bundled("ant").export(tmp_path / f"{name}.off")
-    trials = plan(
-        composed("+study=shot_noise", "dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1]", "repeats=1")
-    )
-    assert len({t.mesh for t in trials}) == 1
+    trials = plan("+study=shot_noise", "dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1]", "repeats=1")
+    assert len({t.mesh_digest for t in trials}) == 1
     assert len({t.trial_id for t in trials}) == len({t.seed for t in trials}) == 2

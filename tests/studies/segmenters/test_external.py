@@ -8,13 +8,13 @@ import numpy as np
 import psutil
 import pytest
 
-from heatwalk.io.files import read_mesh
+from heatwalk.io import read_mesh
 from studies.execution import Local, TaskFailure
-from studies.segmenters import External, make
+from studies.segmenters import External, make_segmenter
 from tests.helpers.meshes import bundled
 from tests.studies.execution.engines import outcomes_of
 
-# Labels by the side of the mesh that a vertex, or a face, lies on.
+# Labels by the side of the mesh on which a vertex, or a face, is.
 SIDES = """
 import sys
 rows = [line.split() for line in open(sys.argv[1])]
@@ -45,7 +45,7 @@ def program(tmp_path):
 
 
 def external(command, **options):
-    return make({"_target_": "studies.segmenters.External", "command": command, **options})
+    return make_segmenter({"_target_": "studies.segmenters.External", "command": command, **options})
 
 
 def test_a_program_may_label_vertices(program, ant):
@@ -61,7 +61,7 @@ def test_a_program_may_label_faces(program, ant):
 
 
 @pytest.mark.parametrize("suffix", [".off", ".obj", ".ply"])
-def test_the_program_gets_the_mesh_to_the_last_digit(suffix, ant, tmp_path):
+def test_the_program_reads_the_mesh_with_all_its_digits(suffix, ant, tmp_path):
     kept = tmp_path / f"kept{suffix}"
     program = External(f"{sys.executable} -c 'import shutil, sys; shutil.copy(*sys.argv[1:3]); "
                        f"open(sys.argv[3], \"w\").write(\"0\")' {{mesh}} '{kept}' {{labels}}", suffix)  # fmt: skip
@@ -74,15 +74,15 @@ def test_the_program_gets_the_mesh_to_the_last_digit(suffix, ant, tmp_path):
 @pytest.mark.parametrize(
     ("code", "message"),
     [
-        ("import sys; sys.exit('the mesh has no legs')", "exit code 1; the last it printed: the mesh has no legs"),
-        ("import os; os.abort()", "exit code 134, and printed nothing"),
-        ("print('done')", "wrote no file {labels}; the last it printed: done"),
-        ("import sys; open(sys.argv[2], 'w').write('0\\n1.5\\n')", "line 2 of its labels is no integer: '1.5'"),
-        ("import sys; open(sys.argv[2], 'w').write('0\\n' * 9)", "gave 9 labels for 486 vertices and 912 faces"),
-        ("import sys; open(sys.argv[2], 'w')", "gave 0 labels"),
+        ("import sys; sys.exit('the mesh has no legs')", "exit code 1; the end of its output: the mesh has no legs"),
+        ("import os; os.abort()", "exit code 134, without any output"),
+        ("print('done')", "wrote no file {labels}; the end of its output: done"),
+        ("import sys; open(sys.argv[2], 'w').write('0\\n1.5\\n')", r"line 2 is not a label \(an integer\): '1.5'"),
+        ("import sys; open(sys.argv[2], 'w').write('0\\n' * 9)", "returned 9 labels for 486 vertices and 912 faces"),
+        ("import sys; open(sys.argv[2], 'w')", "returned 0 labels"),
     ],
 )
-def test_a_program_that_fails_is_an_error_that_says_how(code, message, program, ant):
+def test_a_program_that_fails_is_an_error_that_describes_how(code, message, program, ant):
     with pytest.raises(ValueError, match=message):
         external(program(code))(*ant)
 
@@ -90,9 +90,9 @@ def test_a_program_that_fails_is_an_error_that_says_how(code, message, program, 
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        ("mytool {mesh}", r"where \{labels\} goes: segmenter.command='mytool \{mesh\} \{labels\}'"),
-        ("mytool {labels}", r"where \{mesh\} goes"),
-        ("no-such-tool {mesh} {labels}", "no program 'no-such-tool'"),
+        ("mytool {mesh}", r"lacks \{labels\}: segmenter.command='mytool \{mesh\} \{labels\}'"),
+        ("mytool {labels}", r"lacks \{mesh\}: "),
+        ("no-such-tool {mesh} {labels}", "the program 'no-such-tool' cannot be found"),
         ("cp '{mesh} {labels}", "No closing quotation"),
     ],
 )
@@ -101,7 +101,7 @@ def test_a_command_that_cannot_be_run_is_refused_at_once(command, message):
         external(command)
 
 
-def test_no_shell_reads_the_command(ant, tmp_path):
+def test_no_shell_interprets_the_command(ant, tmp_path):
     with pytest.raises(ValueError, match="exit code 1"):
         external(f"cp {{mesh}} {{labels}} && touch {tmp_path}/touched")(*ant)
     assert not list(tmp_path.iterdir())
@@ -110,12 +110,12 @@ def test_no_shell_reads_the_command(ant, tmp_path):
 def test_another_program_in_the_same_file_is_another_segmenter(program):
     before, same = external(program("1")), external(program("1"))
     after = external(program("2"))
-    assert before.identity == same.identity != after.identity
+    assert before.fingerprint == same.fingerprint != after.fingerprint
     assert before.name == f"{os.path.basename(sys.executable)} my tool.py"
 
 
-# Says which processes and folder are at work (a child of its own among them), and does not end. The folder holds so
-# many files that to remove it takes a while.
+# Reports its process, that of a child, and its folder, and does not end. The folder contains so many files that
+# removing it takes a while.
 LINGERS = """
 import os, pathlib, subprocess, sys, time
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
@@ -142,13 +142,13 @@ def wait_until_gone(note):
 
 def runs(pid):
     try:
-        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE  # dead, and not yet buried by its new parent
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE  # dead, but not yet collected by its new parent
     except psutil.NoSuchProcess:
         return False
 
 
 class Segment:
-    """What a trial does, for an engine."""
+    """The work of a trial, for an engine."""
 
     def __init__(self, mesh):
         self.mesh = mesh

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from studies.segmenters import LabelError, at_vertices
+from studies.segmenters import LabelError, labels_at_vertices
 from tests.helpers.meshes import bundled
 
 
 @pytest.fixture(scope="module")
 def cow():
-    """Not quite symmetric: no two areas are the same."""
+    """Slightly asymmetric: no two areas are equal."""
     mesh = bundled("cow")
     return mesh.vertices + np.random.default_rng(0).normal(0, 1e-3, mesh.vertices.shape), np.asarray(mesh.faces)
 
@@ -25,33 +25,34 @@ def by_brute_force(labels, vertices, faces):
 
 def test_labels_of_vertices_stay_as_they_are(cow):
     labels = np.arange(len(cow[0]), dtype=np.uint16) % 7
-    assert (at_vertices(labels, *cow) == labels).all()
+    assert (labels_at_vertices(labels, *cow) == labels).all()
 
 
 def test_a_vertex_gets_the_label_of_most_of_the_area_around_it(cow):
     labels = np.random.default_rng(1).integers(-1, 4, len(cow[1]))
-    assert (at_vertices(labels, *cow) == by_brute_force(labels, *cow)).all()
+    assert (labels_at_vertices(labels, *cow) == by_brute_force(labels, *cow)).all()
 
 
-def test_what_the_labels_are_called_does_not_matter(cow):
+def test_labels_may_be_any_numbers(cow):
     labels = np.random.default_rng(2).integers(0, 5, len(cow[1]))
     names = np.array([40, 3, 700, 0, 12])
-    assert (at_vertices(names[labels], *cow) == names[at_vertices(labels, *cow)]).all()
+    assert (labels_at_vertices(names[labels], *cow) == names[labels_at_vertices(labels, *cow)]).all()
 
 
-def test_equal_areas_give_the_smaller_label_and_no_faces_the_background():
+def test_a_tie_goes_to_the_smaller_label_and_a_vertex_without_faces_gets_the_background():
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [5, 5, 5]], dtype=float)
     faces = np.array([[0, 1, 2], [0, 2, 3]])
-    assert at_vertices([8, 2], square, faces).tolist() == [2, 8, 2, 2, -1]
+    assert labels_at_vertices([8, 2], square, faces).tolist() == [2, 8, 2, 2, -1]
 
 
-def test_as_many_vertices_as_faces_must_be_told_apart():
+def test_with_as_many_vertices_as_faces_the_option_decides_what_the_labels_belong_to():
     corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    with pytest.raises(LabelError, match="say which the labels belong to"):
-        at_vertices([0, 1, 2, 3], corner, faces)
-    assert at_vertices([0, 1, 2, 3], corner, faces, "vertices").tolist() == [0, 1, 2, 3]
-    assert at_vertices([0, 1, 2, 3], corner, faces, "faces").tolist() == [0, 3, 3, 3]  # the face in front is largest
+    with pytest.raises(LabelError, match="specify what the labels belong to"):
+        labels_at_vertices([0, 1, 2, 3], corner, faces)
+    assert labels_at_vertices([0, 1, 2, 3], corner, faces, "vertices").tolist() == [0, 1, 2, 3]
+    by_area = labels_at_vertices([0, 1, 2, 3], corner, faces, "faces")
+    assert by_area.tolist() == [0, 3, 3, 3]  # the last face is the largest
 
 
 @pytest.mark.parametrize(
@@ -64,6 +65,6 @@ def test_as_many_vertices_as_faces_must_be_told_apart():
         (np.full(2903, -2), "auto", "the label -2"),
     ],
 )
-def test_other_labels_are_refused(labels, labels_of, message, cow):
+def test_labels_of_another_number_shape_or_type_are_refused(labels, labels_of, message, cow):
     with pytest.raises(LabelError, match=message):
-        at_vertices(labels, *cow, labels_of)
+        labels_at_vertices(labels, *cow, labels_of)

@@ -1,0 +1,119 @@
+"""Reading a mesh file: the format follows from the suffix."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from heatwalk.io.obj import read_obj
+from heatwalk.io.off import read_off
+from heatwalk.io.ply import read_ply
+from heatwalk.io.polygons import RawMesh
+from heatwalk.io.stl import read_stl
+from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced
+
+READERS: dict[str, Callable[[bytes], RawMesh]] = {
+    ".off": read_off,
+    ".obj": read_obj,
+    ".ply": read_ply,
+    ".stl": read_stl,
+}
+
+
+@dataclass(frozen=True)
+class LoadedMesh:
+    """A triangle mesh, as returned by `read_mesh`.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64 array, in the unit of the file
+    faces : (m, 3) int64 array of vertex indices
+    notes : tuple of str
+        one sentence per change made while reading; empty if the arrays are exactly those of the file
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    notes: tuple[str, ...]
+
+
+def read_mesh(path: str | Path) -> LoadedMesh:
+    """Read an OFF, OBJ, PLY (ASCII or binary) or STL (ASCII or binary) file as a triangle mesh.
+
+    Parameters
+    ----------
+    path : str or Path
+        the suffix selects the format: .off, .obj, .ply or .stl, in upper or lower case
+
+    Returns
+    -------
+    LoadedMesh
+
+    Raises
+    ------
+    MeshError
+        if the file is missing, unreadable, empty, truncated, not in the format of its suffix, or has an unknown
+        suffix, no faces or indices out of range. The message begins with the path. A well-formed file can still be
+        rejected by `heatwalk.check_mesh`.
+
+    Notes
+    -----
+    Only positions and faces are read: texture seams, normals and colours do not split vertices, and all objects and
+    groups of a file form one mesh. Vertices and triangles keep the order of the file. Polygons are triangulated:
+    triangles come first, then the halves of the quads, then the rest. Binary PLY files that mix polygons of several
+    sizes are rejected. STL corners with exactly equal coordinates are merged into one vertex, and the vertices are
+    sorted by coordinates. Unreferenced vertices are dropped.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from heatwalk.io import read_mesh
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "square.off")
+    ...     _ = path.write_text("OFF 4 1 0  0 0 0  1 0 0  1 1 0  0 1 0  4 0 1 2 3".replace("  ", chr(10)))
+    ...     mesh = read_mesh(path)
+    >>> mesh.faces
+    array([[0, 1, 2],
+           [2, 3, 0]])
+    >>> mesh.notes
+    ('triangulated 1 face into 2 triangles',)
+    """
+    path = Path(path)
+    file_format = path.suffix[1:].upper()
+    try:
+        vertices, faces, n_polygons = _read_arrays(path, file_format)
+    except MeshError as error:
+        raise MeshError(f"{path}: {error}") from error
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except Exception as error:  # the readers and trimesh raise many types of exceptions on malformed files
+        raise MeshError(f"{path}: not a valid {file_format} file: {describe_error(error)}") from error
+
+    notes = []
+    if n_polygons != len(faces):
+        notes.append(f"triangulated {n_polygons:,} face{'s' * (n_polygons != 1)} into {len(faces):,} triangles")
+    if file_format == "STL" and len(vertices) < faces.size:
+        notes.append(f"merged {faces.size:,} STL corners into {len(vertices):,} vertices")
+    n_read = len(vertices)
+    vertices, faces, kept = drop_unreferenced(vertices, faces)
+    if len(kept) < n_read:
+        notes.append(f"dropped {n_read - len(kept):,} vertices that belong to no face")
+    return LoadedMesh(vertices, faces, tuple(notes))
+
+
+def _read_arrays(path: Path, file_format: str) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
+    """Vertices, triangles and the number of polygons in a file."""
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise MeshError(f"unknown suffix {path.suffix!r}; supported: {', '.join(READERS)}")
+    data = path.read_bytes()
+    if not data.strip():
+        raise MeshError("the file is empty")
+    raw = reader(data)
+    if not len(raw.faces):
+        raise MeshError(f"not a {file_format} file, or it has no faces or is truncated")
+    vertices, faces = check_arrays(raw.vertices, raw.faces)
+    return vertices, faces, raw.n_polygons

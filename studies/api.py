@@ -1,0 +1,96 @@
+"""Studies from Python and notebooks: `studies.run` and `studies.load`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from studies.reporting.results import Results
+
+
+def run(study: str, overrides: Sequence[str] = (), *, quiet: bool = False) -> Results:
+    """Run a study as the command ``python -m studies.run +study=STUDY`` does.
+
+    Trials that are stored already do not run again. A trial that fails is a row whose status is not "ok".
+
+    Parameters
+    ----------
+    study : str
+        name of a study in conf/study
+    overrides : sequence of str
+        options as on the command line, such as "dataset=psb" or "levels=[0.1,0.2]"
+    quiet : bool
+        print nothing
+
+    Returns
+    -------
+    Results
+        ``.rows`` and ``.tables`` as DataFrames, and the ``.folder`` with files and figures
+
+    Raises
+    ------
+    ValueError
+        for a mistake in the options; the message is one line
+    StoreLockedError
+        if another process is writing to the study's folder
+
+    Examples
+    --------
+    >>> import studies
+    >>> results = studies.run("scaling", ["dataset.models=[cow]", "results_dir=mine"])  # doctest: +SKIP
+    >>> results.tables["table"]["mean"].max()  # doctest: +SKIP
+    0.0
+    """
+    from hydra import compose, initialize_config_module
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.errors import HydraException
+    from rich.console import Console
+
+    from studies.execution.study import run_study
+    from studies.planning.command_line import quote_command
+    from studies.planning.configuration import configure
+    from studies.planning.errors import StudyError
+
+    options = [f"+study={study}", *map(quote_command, overrides)]
+    GlobalHydra.instance().clear()
+    with initialize_config_module("conf", version_base="1.3"):
+        try:
+            cfg = compose("config", options)
+        except HydraException as error:
+            raise StudyError(" ".join(str(error).split())) from error
+        outcome = run_study(configure(cfg, options), Console(quiet=quiet))
+    if outcome.interrupted:
+        raise KeyboardInterrupt
+    if outcome.results is None:
+        raise StudyError("dry_run=true computes no results; type it on the command line")
+    return outcome.results
+
+
+def load(folder: str | Path) -> Results:
+    """The stored results of a study.
+
+    Parameters
+    ----------
+    folder : path
+        such as "results/shot_noise/bundled"
+
+    Returns
+    -------
+    Results
+        ``.rows`` and ``.tables`` as DataFrames
+
+    Raises
+    ------
+    ValueError
+        if the folder does not contain the results of a study
+
+    Examples
+    --------
+    >>> import studies
+    >>> studies.load("results/shot_noise/bundled").tables["table"]  # doctest: +SKIP
+    """
+    from studies.reporting.results import Results
+
+    return Results.load(folder)

@@ -1,0 +1,695 @@
+"""Charts as plain data: what a curve, bars, dots with intervals or a heat map show, without how they are drawn.
+
+The builders turn tables and rows of a study into a `Chart`: frozen dataclasses that contain numbers and strings only.
+`studies.figures.drawing` renders a chart for print. `dataclasses.asdict` turns it into what JSON can represent (missing
+values are None), from which a web page can render the same data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from studies.columns import Column, Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_MODEL_LINES = 10  # models that are drawn as a line each; quartiles are drawn for more models
+MOST_HEAT_MAPS_PER_ROW = 4
+NARROW_PANEL = 0.45  # relative width of a panel with a single level
+COMPUTED = "computed"  # the ``source`` of values computed here, in a table of method scores
+CHANGE = "Change Percentage"
+MEAN = "mean, 95 % interval"
+
+Number = float | None  # None if the value is missing
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis of a panel.
+
+    Parameters
+    ----------
+    label : str
+        what is shown along the axis, with its unit
+    ticks : tuple of float
+        values to label; if empty, the renderer chooses them
+    categories : tuple of str
+        names of the positions on an axis without numbers, from left to right or from top to bottom
+    logarithmic : bool
+        whether the scale is logarithmic
+    from_zero : bool
+        whether the axis begins at 0
+    """
+
+    label: str = ""
+    ticks: tuple[float, ...] = ()
+    categories: tuple[str, ...] = ()
+    logarithmic: bool = False
+    from_zero: bool = False
+
+
+@dataclass(frozen=True)
+class Series:
+    """Values by x, optionally with intervals, drawn as a line.
+
+    Parameters
+    ----------
+    label : str
+        text in the legend, which contains equal labels once
+    x, y : tuple of float
+        coordinates of p points; a missing y is None
+    low, high : tuple of float
+        ends of the p intervals around y; empty without intervals
+    role : str
+        what the values are: "mean", "median", "model" (one of many models) or "published"
+    group : int
+        number of the segmenter within the study, from 0
+    name : str
+        name of the single series, such as that of a model
+    """
+
+    label: str
+    x: tuple[float, ...]
+    y: tuple[Number, ...]
+    low: tuple[Number, ...] = ()
+    high: tuple[Number, ...] = ()
+    role: str = "mean"
+    group: int = 0
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Band:
+    """A shaded band between two lines, such as quartiles.
+
+    Parameters
+    ----------
+    label : str
+        text in the legend
+    x, low, high : tuple of float
+        coordinates of the p points of both lines
+    group : int
+        number of the segmenter within the study, from 0
+    """
+
+    label: str
+    x: tuple[float, ...]
+    low: tuple[Number, ...]
+    high: tuple[Number, ...]
+    group: int = 0
+
+
+@dataclass(frozen=True)
+class Span:
+    """A shaded interval of the x axis.
+
+    Parameters
+    ----------
+    label : str
+        text in the legend
+    start, end : float
+        ends of the interval
+    """
+
+    label: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Bars, next to those of the other `Bars` of the panel.
+
+    Parameters
+    ----------
+    label : str
+        text in the legend
+    categories : tuple of str
+        positions, from the categories of the x axis
+    values : tuple of float
+        height of each bar
+    group : int
+        number of the segmenter within the study, from 0
+    span : int or None
+        number of the interval that the bars are about, drawn in the colour of that `Span`
+    """
+
+    label: str
+    categories: tuple[str, ...]
+    values: tuple[Number, ...]
+    group: int = 0
+    span: int | None = None
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Dots with horizontal intervals, in rows named by the categories of the y axis.
+
+    Parameters
+    ----------
+    label : str
+        text in the legend
+    categories : tuple of str
+        row of each dot, from the categories of the y axis
+    values : tuple of float
+        x of each dot
+    low, high : tuple of float
+        ends of the intervals; None if there is no interval
+    role : str
+        "mean" or "published"
+    group : int
+        number among the computed values, from 0
+    """
+
+    label: str
+    categories: tuple[str, ...]
+    values: tuple[Number, ...]
+    low: tuple[Number, ...]
+    high: tuple[Number, ...]
+    role: str = "mean"
+    group: int = 0
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes and what is drawn in it.
+
+    Parameters
+    ----------
+    x, y : Axis
+        the axes
+    title : str
+        text above the panel
+    series, bands, spans, bars, dots : tuples
+        contents
+    width : float
+        relative width among the panels of a row
+    own_legend : bool
+        whether the legend of the contents is below the panel, instead of in the legend of the chart
+    legend_title : str
+        text above the panel's own legend
+    kind : str
+        "panel", which distinguishes it from a heat map in JSON
+    """
+
+    x: Axis
+    y: Axis
+    title: str = ""
+    series: tuple[Series, ...] = ()
+    bands: tuple[Band, ...] = ()
+    spans: tuple[Span, ...] = ()
+    bars: tuple[Bars, ...] = ()
+    dots: tuple[Dots, ...] = ()
+    width: float = 1.0
+    own_legend: bool = False
+    legend_title: str = ""
+    kind: str = "panel"
+
+
+@dataclass(frozen=True)
+class HeatMap:
+    """A matrix of values, drawn as coloured cells.
+
+    Parameters
+    ----------
+    title : str
+        text above the matrix
+    rows, columns : tuple of str
+        names of the r rows and c columns
+    values : tuple of r tuples of c floats
+        the matrix; a missing value is None
+    low, high : float
+        values at the ends of the colours, the same for all heat maps of a chart
+    label : str
+        what the values are
+    kind : str
+        "heat_map", which distinguishes it from a panel in JSON
+    """
+
+    title: str
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    values: tuple[tuple[Number, ...], ...]
+    low: float
+    high: float
+    label: str = ""
+    kind: str = "heat_map"
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A figure of a study: panels, or heat maps, in a row or in several rows.
+
+    Parameters
+    ----------
+    title : str
+        text above everything
+    panels : tuple of Panel or tuple of HeatMap
+        parts of the figure, row by row
+    legend_title : str
+        text above the legend
+    per_row : int
+        number of panels in a row; 0 if all are in one row
+
+    Examples
+    --------
+    >>> import json
+    >>> from dataclasses import asdict
+    >>> line = Series("mean", x=(1.0, 2.0), y=(3.5, None))
+    >>> chart = Chart("Holes", (Panel(Axis("holes"), Axis("Change Percentage"), series=(line,)),))
+    >>> json.dumps(asdict(chart)["panels"][0]["series"][0]["y"])
+    '[3.5, null]'
+    """
+
+    title: str
+    panels: tuple[Panel, ...] | tuple[HeatMap, ...]
+    legend_title: str = ""
+    per_row: int = 0
+
+
+def level_curve(table: Table, rows: pd.DataFrame, axis: str, title: str) -> Chart:
+    """Mean Change Percentage by level with its 95 % interval, for each segmenter.
+
+    With a single segmenter, the models behind the mean are shown as well: up to ``MOST_MODEL_LINES`` models as a line
+    each, more as the band between the quartiles of their means.
+
+    Parameters
+    ----------
+    table : Table
+        ``frame`` has the columns level, unit, mean, ci_low, ci_high, optionally segmenter
+    rows : DataFrame
+        rows of the trials, with the columns model, level, change_percentage, optionally segmenter
+    axis : str
+        what the levels are; their unit is added
+    title : str
+        title of the chart
+
+    Returns
+    -------
+    Chart
+        one panel
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> level = {"level": [1.0, 2.0], "unit": "count"}
+    >>> frame = pd.DataFrame({**level, "mean": [3.0, 4.0], "ci_low": [2.0, 3.0], "ci_high": [5.0, 6.0]})
+    >>> rows = pd.DataFrame({**level, "model": "cow", "change_percentage": [3.0, 4.0]})
+    >>> chart = level_curve(Table("table", frame), rows, "tubes", "Short circuits")
+    >>> chart.panels[0].x.label
+    'tubes (count)'
+    >>> [(series.label, series.y) for series in chart.panels[0].series]
+    [('each model', (3.0, 4.0)), ('mean, 95 % interval (1 model)', (3.0, 4.0))]
+    """
+    several = _has_several_segmenters(table.frame)
+    n_models = rows.loc[rows["change_percentage"].notna(), "model"].nunique()
+    mean_label = f"{MEAN} ({_count(n_models, 'model')})"
+    models, bands = ((), ()) if several else _behind_the_mean(rows)
+    panel = Panel(
+        x=Axis(f"{axis} ({_units(table.frame)})", ticks=_levels(table.frame)),
+        y=Axis(CHANGE, from_zero=True),
+        series=(*models, *_mean_series(table.frame, mean_label), *_published_series(table, table.frame)),
+        bands=bands,
+    )
+    return Chart(title, (panel,), legend_title=mean_label if several else "")
+
+
+def part_panels(table: Table, named: Mapping[str, tuple[str, str]], title: str) -> Chart:
+    """Change Percentage by level, a panel for each part of the study.
+
+    Each panel has its own scale of Change Percentage, since one perturbation changes ten times as much as another.
+    Medians are shown only with a single segmenter.
+
+    Parameters
+    ----------
+    table : Table
+        ``frame`` has the columns part, level, unit, mean, ci_low, ci_high, median, optionally segmenter
+    named : mapping
+        part -> (its title, what its levels are); the unit is added below
+    title : str
+        title of the chart
+
+    Returns
+    -------
+    Chart
+        panels in one row; a part with a single level is narrower
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> frame = pd.DataFrame({"part": ["holes"], "level": [58.0], "unit": ["triangles"], "mean": [1.0],
+    ...                       "ci_low": [0.5], "ci_high": [1.5], "median": [0.9]})
+    >>> chart = part_panels(Table("table", frame), {"holes": ("Holes", "removed")}, "Table 2")
+    >>> chart.panels[0].title, chart.panels[0].x.label, chart.panels[0].width
+    ('Holes', 'removed\\n(triangles)', 0.45)
+    """
+    several = _has_several_segmenters(table.frame)
+    segmenters = _segmenters(table.frame)
+    panels: list[Panel] = []
+    for part, frame in table.frame.groupby("part", sort=False):
+        heading, axis = named[str(part)]
+        levels = _levels(frame)
+        medians = (
+            () if several else (Series("median", _floats(frame["level"]), _numbers(frame["median"]), role="median"),)
+        )
+        panels.append(
+            Panel(
+                x=Axis(f"{axis}\n({_units(frame)})", ticks=levels),
+                y=Axis("" if panels else CHANGE, from_zero=True),
+                title=heading,
+                series=(*_mean_series(frame, MEAN, segmenters), *medians, *_published_series(table, frame)),
+                width=1.0 if len(levels) > 1 else NARROW_PANEL,
+            )
+        )
+    return Chart(title, tuple(panels), legend_title=MEAN if several else "")
+
+
+def segment_counts(rows: pd.DataFrame, intervals: Sequence[tuple[float, float]], title: str) -> Chart:
+    """How the number of segments depends on time.
+
+    The left panel shows the median over models by time, with quartiles for a single segmenter, and the intervals
+    shaded. Right of it, bars show how many different numbers of segments a model has within each interval; the first
+    bar is the share of models whose number does not change. A single segmenter has one such panel, several
+    have one per interval.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        rows of the successful trials: model, level (the time), unit, n_segments, optionally segmenter; every model at
+        the same times
+    intervals : sequence of (first, last)
+        intervals of time
+    title : str
+        title of the chart
+
+    Returns
+    -------
+    Chart
+        two panels, or one and one per interval
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> rows = pd.DataFrame({"model": ["ant", "ant", "cow", "cow"], "level": [0.5, 2.0] * 2, "unit": "paper",
+    ...                      "n_segments": [9, 7, 5, 5]})
+    >>> chart = segment_counts(rows, [(0.5, 2.0)], "Times")
+    >>> chart.panels[0].series[0].y
+    (7.0, 6.0)
+    >>> chart.panels[1].bars[0].label, chart.panels[1].bars[0].values
+    ('times 0.5 to 2: 50.0 % unchanged', (50.0, 50.0))
+    """
+    counts = {
+        name: frame.pivot(index="model", columns="level", values="n_segments").astype(float)
+        for name, frame in _by_segmenter(rows)
+    }
+    names = [f"times {first:g} to {last:g}" for first, last in intervals]
+    several = len(counts) > 1
+    n_models = rows["model"].nunique()
+    left = Panel(
+        x=Axis(f"time ({_units(rows)} units)", ticks=_round_values(_levels(rows)), logarithmic=True),
+        y=Axis("segments", logarithmic=True),
+        title=f"Segments of {_count(n_models, 'model')}{' (median)' if several else ''}",
+        series=tuple(
+            Series(name if several else "median", _floats(count.columns), _numbers(count.median()), group=group)
+            for group, (name, count) in enumerate(counts.items())
+        ),
+        bands=() if several else tuple(_quartiles(count) for count in counts.values()),
+        spans=tuple(Span(name, *interval) for name, interval in zip(names, intervals, strict=True)),
+        width=1.3,
+        own_legend=True,
+    )
+    shares = _change_shares(counts, intervals)
+    most = max((len(share) for of_segmenters in shares for share in of_segmenters.values()), default=1)
+    categories = tuple(str(number) for number in range(1, most + 1))
+    x = Axis(
+        "different numbers\nof segments" if several else "different numbers of segments of a model", (), categories
+    )
+    if several:
+        right = [
+            Panel(
+                x=x,
+                y=Axis("" if i else "models (%)", from_zero=True),
+                title=f"Within {name}",
+                bars=tuple(
+                    _share_bars(f"{segmenter}: {{:.1f}} %", share, categories, group=group)
+                    for group, (segmenter, share) in enumerate(of_segmenters.items())
+                ),
+                own_legend=True,
+                legend_title="models that do not change",
+            )
+            for i, (name, of_segmenters) in enumerate(zip(names, shares, strict=True))
+        ]
+    else:
+        bars = tuple(
+            _share_bars(f"{name}: {{:.1f}} % unchanged", share, categories, span=i)
+            for i, (name, of_segmenters) in enumerate(zip(names, shares, strict=True))
+            for share in of_segmenters.values()
+        )
+        right = [Panel(x, Axis("models (%)", from_zero=True), "Change within an interval", bars=bars, own_legend=True)]
+    return Chart(title, (left, *right))
+
+
+def pair_matrices(changes: Mapping[Any, pd.DataFrame], title: str) -> Chart:
+    """Change Percentage between all pairs of poses: a matrix for each shape, or for each shape and segmenter.
+
+    Parameters
+    ----------
+    changes : mapping
+        shape, or (shape, segmenter) -> square DataFrame whose rows and columns are the poses; empty ones are left out
+    title : str
+        title of the chart
+
+    Returns
+    -------
+    Chart
+        heat maps with common colours, the shapes of one segmenter after those of another
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> change = pd.DataFrame([[0.0, 3.0], [3.0, 0.0]], index=["cat0", "cat1"], columns=["cat0", "cat1"])
+    >>> chart = pair_matrices({"cat": change}, "Poses")
+    >>> chart.panels[0].title, chart.panels[0].values, chart.panels[0].high
+    ('cat: mean 3.0 %', ((0.0, 3.0), (3.0, 0.0)), 3.0)
+    """
+    named = {_shape_and_segmenter(key): change for key, change in changes.items() if change.size}
+    shapes = dict.fromkeys(shape for shape, _ in named)
+    segmenters = list(dict.fromkeys(segmenter for _, segmenter in named))
+    largest = max(map(_largest, named.values()), default=0.0) or 1.0
+    heat_maps = tuple(
+        _heat_map(f"{segmenter}\n{shape}" if len(segmenters) > 1 else shape, named[shape, segmenter], largest)
+        for shape, segmenter in sorted(named, key=lambda key: segmenters.index(key[1]))
+    )
+    # Rows of about the same length, as few as possible.
+    n_rows = math.ceil(len(shapes) / MOST_HEAT_MAPS_PER_ROW)
+    return Chart(title, heat_maps, per_row=math.ceil(len(shapes) / max(n_rows, 1)))
+
+
+def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
+    """The scores of each method, a panel for each metric: computed ones with their intervals, and published ones.
+
+    Parameters
+    ----------
+    table : Table
+        ``frame`` has the columns method, source (``COMPUTED`` or another word), and for each metric METRIC, METRIC_low
+        and METRIC_high (missing if there is no interval)
+    metrics : sequence of Column
+        the metrics, headed by their short names
+    title : str
+        title of the chart
+
+    Returns
+    -------
+    Chart
+        panels whose rows are the methods; values of another source are labelled with ``table.published.label`` if that
+        is set, else with the source
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> frame = pd.DataFrame({"method": ["HeatWalk"], "source": ["computed"], "gce": [0.22], "gce_low": [0.20],
+    ...                       "gce_high": [0.23]})
+    >>> chart = method_scores(Table("table", frame), [Column(name="gce", heading="GCE")], "Table 1")
+    >>> chart.panels[0].x.label, chart.panels[0].dots[0].values
+    ('GCE', (0.22,))
+    """
+    frame = table.frame
+    methods = tuple(dict.fromkeys(frame["method"].astype(str)))
+    sources = sorted(dict.fromkeys(frame["source"].astype(str)), key=lambda source: source != COMPUTED)
+    others = [source for source in sources if source != COMPUTED]
+    labels = {source: source for source in sources}
+    if table.published is not None and len(others) == 1:
+        labels[others[0]] = table.published.label
+    panels: list[Panel] = []
+    for metric in metrics:
+        dots = []
+        for source in sources:
+            of_source = frame[frame["source"] == source]
+            dots.append(
+                Dots(
+                    label=labels[source],
+                    categories=tuple(of_source["method"].astype(str)),
+                    values=_numbers(of_source[metric.name]),
+                    low=_numbers(of_source[f"{metric.name}_low"]),
+                    high=_numbers(of_source[f"{metric.name}_high"]),
+                    role="mean" if source == COMPUTED else "published",
+                    group=others.index(source) if source in others else 0,
+                )
+            )
+        panels.append(Panel(Axis(metric.title, from_zero=True), Axis(categories=methods), dots=tuple(dots)))
+    return Chart(title, tuple(panels))
+
+
+def _mean_series(frame: pd.DataFrame, label: str, segmenters: Sequence[str] = ()) -> list[Series]:
+    """Means by level with their intervals: one series per segmenter, named in the legend if there are several."""
+    segmenters = segmenters or _segmenters(frame)
+    return [
+        Series(
+            label=name if len(segmenters) > 1 else label,
+            x=_floats(group["level"]),
+            y=_numbers(group["mean"]),
+            low=_numbers(group["ci_low"]),
+            high=_numbers(group["ci_high"]),
+            group=segmenters.index(name),
+        )
+        for name, group in _by_segmenter(frame)
+    ]
+
+
+def _published_series(table: Table, frame: pd.DataFrame) -> list[Series]:
+    """The published values by level: one series, or one per segmenter if these differ."""
+    if table.published is None or table.published.column not in frame:
+        return []
+    found: dict[tuple[Any, ...], Series] = {}
+    segmenters = _segmenters(table.frame)
+    for name, group in _by_segmenter(frame):
+        y = _numbers(group[table.published.column])
+        if any(value is not None for value in y):
+            x = _floats(group["level"])
+            series = Series(table.published.label, x, y, role="published", group=segmenters.index(name), name=name)
+            found.setdefault((x, y), series)
+    if len(found) == 1:
+        return list(found.values())
+    return [
+        Series(f"{series.label}: {series.name}", series.x, series.y, role="published", group=series.group)
+        for series in found.values()
+    ]
+
+
+def _behind_the_mean(rows: pd.DataFrame) -> tuple[tuple[Series, ...], tuple[Band, ...]]:
+    """The means of the single models by level if these are few, else the band between their quartiles."""
+    means = rows.groupby(["model", "level"])["change_percentage"].mean().astype(float).unstack("level")
+    means = means.dropna(how="all")
+    if len(means) > MOST_MODEL_LINES:
+        low, high = _numbers(means.quantile(0.25)), _numbers(means.quantile(0.75))
+        return (), (Band("quartiles of models", _floats(means.columns), low, high),)
+    levels = _floats(means.columns)
+    lines = (
+        Series("each model", levels, _numbers(values), role="model", name=str(name))
+        for name, values in means.iterrows()
+    )
+    return tuple(lines), ()
+
+
+def _quartiles(counts: pd.DataFrame) -> Band:
+    return Band("quartiles", _floats(counts.columns), _numbers(counts.quantile(0.25)), _numbers(counts.quantile(0.75)))
+
+
+def _change_shares(
+    counts: Mapping[str, pd.DataFrame], intervals: Sequence[tuple[float, float]]
+) -> list[dict[str, list[float]]]:
+    """For each interval and segmenter, the shares of models with 1, 2 … different numbers of segments, in percent."""
+    shares = []
+    for first, last in intervals:
+        of_segmenters = {}
+        for name, count in counts.items():
+            within = count[[time for time in count.columns if first <= float(time) <= last]]
+            different = [len(set(_numbers(numbers)) - {None}) for numbers in within.to_numpy()]
+            of_segmenters[name] = (100.0 * np.bincount(different, minlength=2)[1:] / max(len(count), 1)).tolist()
+        shares.append(of_segmenters)
+    return shares
+
+
+def _share_bars(
+    label: str, shares: Sequence[float], categories: tuple[str, ...], *, group: int = 0, span: int | None = None
+) -> Bars:
+    padded = (*shares, *[0.0] * (len(categories) - len(shares)))
+    return Bars(label.format(shares[0]), categories, padded, group, span)
+
+
+def _heat_map(name: str, change: pd.DataFrame, largest: float) -> HeatMap:
+    values = change.to_numpy(dtype=float)
+    apart = values[~np.eye(len(values), dtype=bool)]
+    apart = apart[~np.isnan(apart)]
+    return HeatMap(
+        title=f"{name}: mean {apart.mean():.1f} %" if len(apart) else name,
+        rows=tuple(map(str, change.index)),
+        columns=tuple(map(str, change.columns)),
+        values=tuple(_numbers(row) for row in values),
+        low=0.0,
+        high=largest,
+        label=CHANGE,
+    )
+
+
+def _shape_and_segmenter(key: str | tuple[str, ...]) -> tuple[str, str]:
+    """The two parts of a key of `pair_matrices`; the segmenter is "" if the key has none."""
+    shape, *segmenter = (key,) if isinstance(key, str) else key
+    return str(shape), " ".join(map(str, segmenter))
+
+
+def _largest(change: pd.DataFrame) -> float:
+    values = change.to_numpy(dtype=float)
+    return float(np.nanmax(values)) if (~np.isnan(values)).any() else 0.0
+
+
+def _round_values(values: Sequence[float]) -> tuple[float, ...]:
+    """The values 1, 2 and 5 times a power of ten within the range of some values."""
+    if not values:
+        return ()
+    low, high = min(values), max(values)
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    candidates = [float(f"{digit}e{exponent}") for exponent in exponents for digit in (1, 2, 5)]
+    return tuple(value for value in candidates if low <= value <= high)
+
+
+def _by_segmenter(frame: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """The rows of each segmenter, in their order; all rows under "" if there is no such column."""
+    if "segmenter" not in frame:
+        return [("", frame)]
+    return [(str(name), group) for name, group in frame.groupby("segmenter", sort=False)]
+
+
+def _segmenters(frame: pd.DataFrame) -> list[str]:
+    return [name for name, _ in _by_segmenter(frame)]
+
+
+def _has_several_segmenters(frame: pd.DataFrame) -> bool:
+    return len(_segmenters(frame)) > 1
+
+
+def _levels(frame: pd.DataFrame) -> tuple[float, ...]:
+    return tuple(sorted(set(_floats(frame["level"]))))
+
+
+def _units(frame: pd.DataFrame) -> str:
+    return " and ".join(frame["unit"].unique()).replace("_", " ")
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _floats(values: Iterable[Hashable]) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)  # type: ignore[arg-type]
+
+
+def _numbers(values: Any) -> tuple[Number, ...]:
+    """Values as floats, None for missing ones."""
+    return tuple(None if math.isnan(value) else value for value in np.asarray(values, dtype=float).tolist())

@@ -1,0 +1,221 @@
+"""From a composed configuration to a study made of plain objects: the only module that reads OmegaConf."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import hydra.utils
+from hydra import compose
+from hydra.core.global_hydra import GlobalHydra
+from hydra.errors import HydraException, InstantiationException
+from omegaconf import DictConfig, OmegaConf
+
+from studies.datasets import make_dataset
+from studies.planning.errors import StudyError
+from studies.planning.targets import check_required, construct
+
+if TYPE_CHECKING:
+    from studies.datasets import Dataset
+    from studies.execution import Engine
+    from studies.experiments import Experiment
+    from studies.planning.trial import Trial
+    from studies.segmenters import Segmenter
+
+ON_ERROR = ("continue", "stop")
+
+# Options that say where things are and who works, not what is computed.
+INCIDENTAL = ("results_dir", "dataset.root", "engine", "trial", "gallery")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """A study that can be planned and run.
+
+    Parameters
+    ----------
+    name, title : str
+    experiment : Experiment
+    dataset : Dataset
+    segmenters : tuple of Segmenter
+        at least one, with different names
+    engine : Engine
+    results_dir : Path
+        where results of all studies are, and rows that need not be computed again
+    folder : Path
+        where the results of this study go
+    on_error : {"continue", "stop"}
+    retry_failed, fresh, dry_run : bool
+        see conf/config.yaml
+    paper : mapping or None
+        the publication next to whose values results are shown, as in conf/paper
+    record : dict
+        the configuration as it is stored with the results
+    command : str
+        the command that makes the results again
+    """
+
+    name: str
+    title: str
+    experiment: Experiment
+    dataset: Dataset
+    segmenters: tuple[Segmenter, ...]
+    engine: Engine
+    results_dir: Path
+    folder: Path
+    on_error: str = "continue"
+    retry_failed: bool = False
+    fresh: bool = False
+    dry_run: bool = False
+    paper: Mapping[str, Any] | None = None
+    record: Mapping[str, Any]
+    command: str = ""
+
+    def plan(self) -> list[Trial]:
+        """The trials of the study, model by model."""
+        return self.experiment.plan(self.name, self.dataset, self.segmenters)
+
+    @property
+    def full_title(self) -> str:
+        """The title with the dataset, over tables and figures."""
+        return f"{self.title} on {self.dataset.name}"
+
+
+def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "") -> Study:
+    """The study that a composed configuration defines.
+
+    Parameters
+    ----------
+    cfg : DictConfig
+    overrides : sequence of str
+        with which ``cfg`` was composed
+    subfolder : str
+        of results_dir/study/dataset, for the results
+
+    Raises
+    ------
+    StudyError
+        if the configuration is not a study; other ValueErrors come from the parts that refuse their options
+    """
+    if "study" not in cfg:
+        raise StudyError(f"no study is given; type +study=NAME, NAME one of {', '.join(study_names())}")
+    if OmegaConf.is_missing(cfg.study, "name"):
+        raise StudyError("study.name is required: study.name=NAME, under which the results are filed")
+    if cfg.on_error not in ON_ERROR:
+        raise StudyError(f"on_error is {cfg.on_error!r}: it must be one of {', '.join(ON_ERROR)}")
+    engine = _engine(_options(cfg, "engine"))
+    if not cfg.dry_run:
+        engine.warm_up()  # worker processes import what they need while this process plans
+    dataset = make_dataset(OmegaConf.to_container(cfg.dataset, resolve=True))  # type: ignore[arg-type]
+    results_dir = Path(str(cfg.results_dir)).expanduser()
+    return Study(
+        name=str(cfg.study.name),
+        title=str(cfg.title),
+        experiment=_experiment(_options(cfg, "experiment")),
+        dataset=dataset,
+        segmenters=_segmenters(cfg, overrides),
+        engine=engine,
+        results_dir=results_dir,
+        folder=results_dir / str(cfg.study.name) / dataset.name / subfolder,
+        on_error=cfg.on_error,
+        retry_failed=bool(cfg.retry_failed),
+        fresh=bool(cfg.fresh),
+        dry_run=bool(cfg.dry_run),
+        paper=OmegaConf.to_container(cfg.paper, resolve=True) if cfg.get("paper") else None,  # type: ignore[arg-type]
+        record=_record(cfg),
+        command=command_of(overrides),
+    )
+
+
+def study_names() -> list[str]:
+    """The studies in conf/study and in further folders of the search path."""
+    loader = GlobalHydra.instance().config_loader()
+    return loader.get_group_options("study")
+
+
+def instantiate_experiment(record: Mapping[str, Any]) -> Experiment:
+    """The experiment of a stored configuration."""
+    return _experiment(_options(OmegaConf.create(dict(record)), "experiment"))
+
+
+def command_of(overrides: Sequence[str]) -> str:
+    """The command that makes results again, without options about where things are."""
+    import shlex
+
+    kept = [option for option in overrides if not option.lstrip("+").startswith(INCIDENTAL)]
+    return f"python -m studies.run {shlex.join(kept)}"
+
+
+def _options(cfg: DictConfig, group: str) -> dict[str, Any]:
+    """The options of a group as plain Python objects; those without a default may still be missing."""
+    return OmegaConf.to_container(cfg[group], resolve=True)  # type: ignore[return-value]
+
+
+def _experiment(options: Mapping[str, Any]) -> Experiment:
+    check_required("experiment", options, {"_target_": "my_package.MyExperiment"}, StudyError)
+    return construct("experiment", options, StudyError)
+
+
+def _engine(options: Mapping[str, Any]) -> Engine:
+    """The engine. By Hydra, because a cluster in its options is started later, by the engine itself."""
+    try:
+        return hydra.utils.instantiate({"_convert_": "all", **options})
+    except InstantiationException as error:
+        raise StudyError(" ".join(str(error.__cause__ or error).split())) from error
+
+
+def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, ...]:
+    """The segmenters: those in ``segmenters``, else the one in ``segmenter``."""
+    from studies.segmenters import make_segmenter
+
+    single = _options(cfg, "segmenter")
+    if cfg.get("segmenters") is None:
+        return (make_segmenter(single),)
+    names = cfg.segmenters
+    if isinstance(names, str) or not names:
+        raise StudyError(
+            f"segmenters is {names!r}: it must be a list, as in 'segmenters=[heat_walk,my_package.method]'"
+        )
+    chosen = next((o.partition("=")[2] for o in reversed(overrides) if o.startswith("segmenter=")), "heat_walk")
+    if any(o.lstrip("+").startswith("segmenter") and not o.startswith("segmenters") for o in overrides) and (
+        chosen not in names
+    ):
+        raise StudyError(f"segmenter={chosen} has options, and segmenters={list(names)} does not contain {chosen}")
+    found = tuple(make_segmenter(single if name == chosen else _options_of(name)) for name in names)
+    duplicates = {one.name for i, one in enumerate(found) for other in found[:i] if one.name == other.name}
+    if duplicates:
+        raise StudyError(f"segmenters contains {', '.join(sorted(duplicates))} twice: their names must differ")
+    return found
+
+
+def _options_of(name: Any) -> dict[str, Any]:
+    """The options of an entry of ``segmenters``: a name in conf/segmenter, a dotted name, or options themselves."""
+    if isinstance(name, DictConfig):
+        return OmegaConf.to_container(name, resolve=True)  # type: ignore[return-value]
+    if "." in str(name):
+        return {"_target_": str(name)}
+    try:
+        cfg = compose(f"segmenter/{name}")
+    except HydraException as error:
+        loader = GlobalHydra.instance().config_loader()
+        known = ", ".join(loader.get_group_options("segmenter"))
+        raise StudyError(
+            f"segmenters contains {name!r}, which is neither one of {known} nor a dotted name such as my_package.method"
+        ) from error
+    return _options(cfg, "segmenter")
+
+
+def _record(cfg: DictConfig) -> dict[str, Any]:
+    """The configuration as it is stored: options once each, and not where the data are on this machine."""
+    record: dict[str, Any] = OmegaConf.to_container(cfg, resolve=False)  # type: ignore[assignment]
+    for group in ("dataset", "engine"):
+        record[group] = OmegaConf.to_container(cfg[group], resolve=True)
+    root = cfg.dataset.get("root")
+    if root:
+        # provenance.json identifies the data by their digests.
+        record["dataset"]["root"] = Path(str(root)).name
+    record["title"] = str(cfg.title)
+    record["paper"] = cfg.paper.name if cfg.get("paper") else None
+    return record

@@ -1,0 +1,190 @@
+"""Published values, from a file in conf/paper, next to the computed ones in tables, and the claims they make."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from studies.columns import Column, Published, Table
+from studies.reporting.claims import Claim
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PERCENT = " %"
+
+
+class Publication:
+    """What a publication prints about the studies here.
+
+    Parameters
+    ----------
+    data : mapping
+        as in conf/paper/heat_walk_2011.yaml, whose comments explain it
+    """
+
+    def __init__(self, data: Mapping[str, Any]) -> None:
+        self._data = data
+
+    @classmethod
+    def load(cls, name: str) -> Publication:
+        """The publication in conf/paper/NAME.yaml."""
+        import yaml
+
+        return cls(yaml.safe_load(resources.files("conf").joinpath("paper", f"{name}.yaml").read_text("utf-8")))
+
+    @property
+    def citation(self) -> str:
+        """Authors, title and year, as Markdown."""
+        return str(self._data["citation"])
+
+    @property
+    def datasets(self) -> tuple[str, ...]:
+        """The datasets whose results are compared with the publication's claims."""
+        return tuple(self._data["datasets"])
+
+    def section(self, study: str) -> str:
+        """The section that a study is about, "" if the publication has none."""
+        return str(self._of_study(study).get("section", ""))
+
+    def shows(self, study: str) -> str:
+        """The tables and figures that a study reproduces, "" if there are none."""
+        return str(self._of_study(study).get("shows", ""))
+
+    def remark(self, study: str) -> str:
+        """What explains results that are worse than the published ones."""
+        return " ".join(str(self._of_study(study).get("remark", "")).split())
+
+    def _of_study(self, study: str) -> Mapping[str, Any]:
+        return self._data["studies"].get(study, {})
+
+    def annotate(self, table: Table, rows: pd.DataFrame) -> Table:
+        """The table with the published values: a column next to the computed values, or rows of methods.
+
+        Parameters
+        ----------
+        table : Table
+        rows : DataFrame
+            the trials that the table was made from
+        """
+        if "source" in table.frame and "method" in table.frame:
+            return self._with_methods(table)
+        if not table.value:
+            return table
+        name = self._data["column"]
+        frame = table.frame.copy()
+        values = [self._value(record, rows) for record in table.records()]
+        position = list(frame.columns).index(table.published_before) if table.published_before else len(frame.columns)
+        frame.insert(position, name, values)
+        shown = next((column for column in table.columns if column.name == table.value), Column(name=table.value))
+        published = dataclasses.replace(shown, name=name, heading=name, bounds=None, help="Published value.")
+        columns = tuple(published if column.name == "published" else column for column in table.columns)
+        notes = " ".join(filter(None, (table.notes, self._data["note"])))
+        return table.replace(
+            frame=frame, columns=columns, notes=notes, published=Published(name, str(self._data["label"]))
+        )
+
+    def _with_methods(self, table: Table) -> Table:
+        """A table of methods with the published rows below the computed ones."""
+        import pandas as pd
+
+        source = self._data["column"]
+        published = [
+            {"method": method, "source": source, **row} for method, row in self._data["methods"]["rows"].items()
+        ]
+        frame = pd.concat([table.frame, pd.DataFrame(published)], ignore_index=True)
+        notes = " ".join(filter(None, (table.notes, self._data["note"])))
+        return table.replace(
+            frame=frame[table.frame.columns], notes=notes, published=Published("source", str(self._data["label"]))
+        )
+
+    def claims(self, tables: Iterable[Table], rows: pd.DataFrame) -> list[Claim]:
+        """The published claims about what annotated tables show, in the order of their rows."""
+        return [claim for table in tables for claim in self._claims(table, rows)]
+
+    def _claims(self, table: Table, rows: pd.DataFrame) -> Iterator[Claim]:
+        if "source" in table.frame:
+            yield from self._claims_about_methods(table)
+            return
+        for record in table.records() if table.name == "table" else ():
+            for entry in self._matching(record, rows):
+                if not _all_equal(record, entry.get("only", {})):
+                    continue
+                words = {
+                    key: value.replace("_", " ") if isinstance(value, str) else value for key, value in record.items()
+                }
+                yield Claim(
+                    entry["claim"].format(**words),
+                    _number(_lookup(entry, record)),
+                    record[table.value or "mean"],
+                    record["ci_low"],
+                    record["ci_high"],
+                    PERCENT,
+                    entry.get("digits", 2),
+                    entry.get("higher_is_better", False),
+                )
+
+    def _claims_about_methods(self, table: Table) -> Iterator[Claim]:
+        methods = self._data["methods"]
+        for record in table.records():
+            published = methods["rows"].get(record["method"])
+            if published is None or record["source"] == self._data["column"]:
+                continue
+            for metric, value in published.items():
+                yield Claim(
+                    methods["claim"].format(method=record["method"], metric=metric.replace("_", " ")),
+                    _number(value),
+                    record[metric],
+                    record[f"{metric}_low"],
+                    record[f"{metric}_high"],
+                    digits=methods["digits"],
+                )
+
+    def _value(self, record: Mapping[str, Any], rows: pd.DataFrame) -> float:
+        """The published value for a row of a table, NaN if there is none."""
+        return next((_number(_lookup(entry, record)) for entry in self._matching(record, rows)), math.nan)
+
+    def _matching(self, record: Mapping[str, Any], rows: pd.DataFrame) -> Iterator[Mapping[str, Any]]:
+        """The entries about a row of a table."""
+        if record.get("segmenter", self._data["method"]) != self._data["method"]:
+            return
+        for entry in self._data["values"]:
+            if (
+                entry["by"] in record
+                and _all_equal(record, entry.get("where", {}))
+                and _key(entry, record) is not None
+                and _are_made_of(entry.get("rows", {}), record, rows)
+            ):
+                yield entry
+
+
+def _lookup(entry: Mapping[str, Any], record: Mapping[str, Any]) -> Any:
+    return entry["values"][_key(entry, record)]
+
+
+def _key(entry: Mapping[str, Any], record: Mapping[str, Any]) -> Any:
+    """The key of ``values`` that the row is about, None if there is none."""
+    return next((key for key in entry["values"] if _equal(key, record[entry["by"]])), None)
+
+
+def _all_equal(record: Mapping[str, Any], wanted: Mapping[str, Any]) -> bool:
+    return all(name in record and _equal(value, record[name]) for name, value in wanted.items())
+
+
+def _equal(a: Any, b: Any) -> bool:
+    if isinstance(a, str) or isinstance(b, str):
+        return bool(a == b)
+    return math.isclose(a, b, rel_tol=1e-5, abs_tol=1e-8)
+
+
+def _are_made_of(wanted: Mapping[str, Any], record: Mapping[str, Any], rows: pd.DataFrame) -> bool:
+    """Whether all trials behind a row of a table have these values."""
+    behind = rows[rows["part"] == record["part"]] if "part" in record else rows
+    return all(bool((behind[name] == value).all()) for name, value in wanted.items())
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)

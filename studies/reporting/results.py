@@ -1,0 +1,156 @@
+"""The results of a study: its rows, and what they amount to."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from studies import storage
+from studies.columns import Table
+from studies.experiments.experiment import row_columns
+from studies.planning.errors import StudyError
+from studies.reporting.claims import Claim
+from studies.reporting.publication import Publication
+from studies.reporting.text import html_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from studies.experiments import Experiment
+
+CONFIG_FILE = "config.yaml"
+PROVENANCE_FILE = "provenance.json"
+
+
+@dataclass(frozen=True)
+class Results:
+    """The stored results of a study.
+
+    Parameters
+    ----------
+    folder : Path
+        where they are stored
+    name : str
+        name of the study
+    title : str
+        its title, with the dataset
+    experiment : Experiment
+        the kind of study
+    rows : DataFrame
+        one row per trial
+    publication : Publication or None
+        whose values are shown next to the computed ones
+    command : str
+        the command that makes the results again
+
+    Examples
+    --------
+    >>> import studies
+    >>> results = studies.load("results/shot_noise/bundled")  # doctest: +SKIP
+    >>> results.tables["table"][["level", "mean"]]  # doctest: +SKIP
+    """
+
+    folder: Path
+    name: str
+    title: str
+    experiment: Experiment
+    rows: pd.DataFrame
+    publication: Publication | None = None
+    command: str = ""
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Results:
+        """Read the results in a folder such as results/shot_noise/bundled.
+
+        Raises
+        ------
+        StudyError
+            if the folder does not contain results, or those of an earlier version
+        """
+        folder = Path(folder)
+        if not (folder / CONFIG_FILE).exists():
+            raise StudyError(f"{folder} has no {CONFIG_FILE}: it does not contain the results of a study")
+        return cls.of_record(folder, read_config(folder), command=_command(folder))
+
+    @classmethod
+    def of_record(
+        cls, folder: Path, record: Mapping[str, Any], rows: pd.DataFrame | None = None, command: str = ""
+    ) -> Results:
+        """Results from a stored configuration; the rows are read from the folder by default."""
+        experiment = _experiment(folder, record)
+        if rows is None:
+            rows = storage.read_rows(folder, row_columns(experiment))
+        dataset = rows["dataset"].iloc[0] if len(rows) else ""
+        return cls(
+            folder=folder,
+            name=record["study"]["name"],
+            title=f"{record['title']} on {dataset}",
+            experiment=experiment,
+            rows=rows,
+            publication=Publication.load(record["paper"]) if record.get("paper") else None,
+            command=command,
+        )
+
+    @property
+    def dataset(self) -> str:
+        """Name of the dataset."""
+        return str(self.rows["dataset"].iloc[0])
+
+    @cached_property
+    def report_tables(self) -> dict[str, Table]:
+        """The tables by name, with published values if there are any; the study's main one is the first."""
+        tables = self.experiment.tables(self.rows)
+        if self.publication:
+            tables = [self.publication.annotate(table, self.rows) for table in tables]
+        return {table.name: table for table in tables}
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The tables as DataFrames, by name."""
+        return {name: table.frame for name, table in self.report_tables.items()}
+
+    @property
+    def main_table(self) -> Table:
+        """The study's main table."""
+        return next(iter(self.report_tables.values()))
+
+    @property
+    def failures(self) -> int:
+        """How many trials failed."""
+        return int((self.rows["status"] != "ok").sum())
+
+    def claims(self) -> list[Claim]:
+        """What the publication claims about the results."""
+        return self.publication.claims(self.report_tables.values(), self.rows) if self.publication else []
+
+    def _repr_html_(self) -> str:
+        return html_of(self.title, self.main_table)
+
+
+def read_config(folder: Path) -> dict[str, Any]:
+    """The configuration that is stored with results."""
+    import yaml
+
+    return yaml.safe_load((folder / CONFIG_FILE).read_text("utf-8"))
+
+
+def _experiment(folder: Path, record: Mapping[str, Any]) -> Experiment:
+    from studies.planning.configuration import instantiate_experiment
+
+    try:
+        return instantiate_experiment(record)
+    except Exception as error:
+        raise StudyError(
+            f"{folder}: {CONFIG_FILE} does not describe an experiment of this version "
+            f"({' '.join(str(error).split())}); "
+            "run its study again, which reuses the stored rows, or move the folder away"
+        ) from error
+
+
+def _command(folder: Path) -> str:
+    path = folder / PROVENANCE_FILE
+    return json.loads(path.read_text("utf-8")).get("command", "") if path.exists() else ""

@@ -1,0 +1,66 @@
+"""Tables as text: Markdown, HTML for notebooks, and the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+from studies.columns import Table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+# Columns of a table on the terminal from which on less space separates them, to fit on 80 characters.
+MANY_COLUMNS = 8
+
+
+def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a Markdown table.
+
+    Examples
+    --------
+    >>> print(*markdown_table(["level", "CP %"], [["0.1", "2.00"]]), sep="\\n")
+    | level | CP % |
+    | --- | --- |
+    | 0.1 | 2.00 |
+    """
+    lines = [headings, ["---"] * len(headings), *rows]
+    return ["| " + " | ".join(cells) + " |" for cells in lines]
+
+
+def markdown_page(title: str, table: Table) -> str:
+    """A page of Markdown: a title, the table and its notes."""
+    return "\n".join([f"# {title}", "", *markdown_of(table), "", table.notes, ""])
+
+
+def markdown_of(table: Table) -> list[str]:
+    """Lines of a table in Markdown."""
+    return markdown_table([column.title for column in table.visible()], table.cells())
+
+
+def html_of(title: str, table: Table) -> str:
+    """A table as HTML, as notebooks show it; headings have the help of their column as tooltip."""
+    heads = "".join(f'<th title="{escape(column.help)}">{escape(column.title)}</th>' for column in table.visible())
+    rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>" for cells in table.cells())
+    return f"<table><caption>{escape(title)}</caption><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+
+
+def print_table(title: str, table: Table, console: Console) -> None:
+    """Print the columns of a table that fit on 80 characters; table.md has all of them.
+
+    Headings wrap on a narrow terminal; a value is never cut.
+    """
+    from rich.table import Table as RichTable
+
+    columns, rows = table.visible(compact=True), table.cells(compact=True)
+    padding = (0, 1) if len(columns) < MANY_COLUMNS else (0, 1, 0, 0)
+    shown = RichTable(title=title, caption="table.md explains the columns", padding=padding)
+    widths = []
+    for i, column in enumerate(columns):
+        widths.append(max([*(len(cells[i]) for cells in rows), *map(len, column.title.split())]))
+        shown.add_column(column.title, justify="right", min_width=widths[-1])
+    for cells in rows:
+        shown.add_row(*cells)
+    narrowest = sum(widths) + len(widths) * (1 + sum(padding[1::2] or (1,)) + (len(padding) == 2)) + 1
+    console.print(shown, width=max(console.width, narrowest), crop=False, no_wrap=True)

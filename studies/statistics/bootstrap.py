@@ -1,0 +1,120 @@
+"""95 % bootstrap intervals of means over models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RESAMPLES = 2000
+CONFIDENCE = 0.95
+TAILS = (0.025, 0.975)  # quantiles of the resampled means
+NO_INTERVAL = (math.nan, math.nan)
+
+
+def model_mean(rows: pd.DataFrame, column: str) -> float:
+    """Mean over models of the mean over repeats, so that a model with failures weighs as much as the others."""
+    return float(rows.groupby("model")[column].mean().astype(float).mean())
+
+
+def interval_of_mean(rows: pd.DataFrame, column: str) -> tuple[float, float]:
+    """95 % percentile-bootstrap interval of `model_mean`.
+
+    Models are drawn with replacement, then repeats of each drawn model: both are samples, of shapes and of noise. With
+    a single model only its repeats are resampled, and the interval is about that model alone.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        trials, with the columns model and ``column``
+    column : str
+
+    Returns
+    -------
+    (float, float)
+        NaN if there is nothing to resample
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> rows = pd.DataFrame({"model": ["ant", "cow", "dog"], "value": [1.0, 2.0, 3.0]})
+    >>> interval_of_mean(rows, "value")
+    (1.0, 3.0)
+    """
+    values = [group.to_numpy(dtype=float) for _, group in rows.groupby("model")[column]]
+    if sum(map(len, values)) < 2:
+        return NO_INTERVAL
+    if all(len(repeats) == 1 for repeats in values):
+        return _one_value_per_model(np.concatenate(values))
+    return _nested(values)
+
+
+def _one_value_per_model(values: NDArray[np.float64]) -> tuple[float, float]:
+    """The interval if each model has one value."""
+    from scipy.stats import bootstrap
+
+    if np.ptp(values) == 0:
+        return float(values[0]), float(values[0])
+    found = bootstrap(
+        (values,),
+        np.mean,
+        method="percentile",
+        n_resamples=RESAMPLES,
+        confidence_level=CONFIDENCE,
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    return float(found.low), float(found.high)
+
+
+def _nested(values: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+    """The interval if models have several repeats each."""
+    rng = np.random.default_rng(0)
+    counts = np.array([len(repeats) for repeats in values])
+    padded = np.full((len(values), counts.max()), np.nan)
+    for i, repeats in enumerate(values):
+        padded[i, : len(repeats)] = repeats
+    models = rng.integers(len(values), size=(RESAMPLES, len(values)))
+    drawn = (rng.random((RESAMPLES, len(values), counts.max())) * counts[models][:, :, None]).astype(int)
+    sample = padded[models[:, :, None], drawn]
+    sample[np.arange(counts.max()) >= counts[models][:, :, None]] = np.nan
+    return quantile_interval(np.nanmean(sample, axis=2).mean(axis=1))
+
+
+def interval_over_pairs(matrices: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+    """95 % percentile-bootstrap interval of the mean over pairs, with the items resampled.
+
+    The pairs of one item belong together, so the items are the sample. An item drawn twice makes no pair with itself.
+
+    Parameters
+    ----------
+    matrices : sequence of (n, n) float arrays
+        values of the pairs, symmetric, NaN where missing; the pairs are those within a matrix
+
+    Returns
+    -------
+    (float, float)
+        NaN if no matrix has three items
+    """
+    if not matrices or max(map(len, matrices)) < 3:
+        return NO_INTERVAL
+    rng = np.random.default_rng(0)
+    totals, counts = np.zeros(RESAMPLES), np.zeros(RESAMPLES)
+    for values in matrices:
+        n = len(values)
+        present = ~np.isnan(values) & ~np.eye(n, dtype=bool)
+        weight = rng.multinomial(n, np.full(n, 1 / n), size=RESAMPLES).astype(float)
+        totals += np.einsum("ri,ij,rj->r", weight, np.where(present, values, 0), weight)
+        counts += np.einsum("ri,ij,rj->r", weight, present.astype(float), weight)
+    return quantile_interval(totals[counts > 0] / counts[counts > 0])
+
+
+def quantile_interval(means: NDArray[np.float64]) -> tuple[float, float]:
+    """The central 95 % interval of resampled means."""
+    low, high = np.quantile(means, TAILS).tolist()
+    return low, high

@@ -1,0 +1,42 @@
+import io
+
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from studies.columns import Column, Table
+from studies.reporting.text import html_of, markdown_page, print_table
+
+TABLE = Table(
+    "table",
+    pd.DataFrame({"level": [0.1, 1234567.5], "mean": [1.0, 12345678.25], "n": [3, 1000000]}),
+    (
+        Column(name="level", format=",.1f", help="How <much>."),
+        Column(name="mean", heading="mean of many models", format=",.2f"),
+        Column(name="n", dtype="int64", format=",d"),
+    ),
+    notes="What it means.",
+)
+
+
+@pytest.mark.parametrize("width", [20, 40, 80, 200])
+def test_no_value_is_cut_however_narrow_the_terminal(width):
+    written = io.StringIO()
+    print_table("Holes on psb", TABLE, Console(file=written, width=width))
+    for value in ("1,234,567.5", "12,345,678.25", "1,000,000", "0.1", "1.00"):
+        assert value in written.getvalue()
+    assert "…" not in written.getvalue()
+
+
+def test_a_page_has_a_title_the_table_and_its_notes():
+    assert markdown_page("Holes on psb", TABLE).splitlines() == [
+        "# Holes on psb", "", "| level | mean of many models | n |", "| --- | --- | --- |", "| 0.1 | 1.00 | 3 |",
+        "| 1,234,567.5 | 12,345,678.25 | 1,000,000 |", "", "What it means.",
+    ]  # fmt: skip
+
+
+def test_a_notebook_shows_the_table_with_help_on_its_headings():
+    html = html_of("A < B", TABLE)
+    assert '<th title="How &lt;much&gt;.">level</th>' in html
+    assert "<caption>A &lt; B</caption>" in html
+    assert html.count("<td>") == 6
