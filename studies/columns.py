@@ -158,8 +158,11 @@ class Table:
     def cells(self, *, compact: bool = False) -> list[list[str]]:
         """The table as text, a list of cells for each row, in the order of `visible`."""
         columns = self.visible(compact=compact)
-        rows = self.frame.to_dict("records")
-        return [[column.text(row, compact=compact) for column in columns] for row in rows]
+        return [[column.text(row, compact=compact) for column in columns] for row in self.records()]
+
+    def records(self) -> list[dict[str, Any]]:
+        """The rows of the frame as dicts."""
+        return self.frame.to_dict("records")  # type: ignore[return-value]  # names of columns are str
 
     def replace(self, **changes: Any) -> Table:
         """A copy with other values of the given fields."""

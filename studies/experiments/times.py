@@ -148,7 +148,7 @@ class Times(Experiment):
                 ]
         return trials
 
-    def _drawn(self, models: list[Model]) -> list[Model]:
+    def _drawn(self, models: Sequence[Model]) -> Sequence[Model]:
         if self.models_drawn is None or require_whole_number("models_drawn", self.models_drawn) >= len(models):
             return models
         drawn = np.random.default_rng(self.seed).choice(len(models), self.models_drawn, replace=False)
@@ -228,7 +228,7 @@ def _unchanged(rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str
     import pandas as pd
 
     good = rows[(rows["status"] == "ok") & rows["level"].between(low, high)]
-    failed = int((rows.groupby("model")["status"].agg(lambda status: (status != "ok").any())).sum())
+    failed = rows.loc[rows["status"] != "ok", "model"].nunique()
     coarse = good[good["level"].isin([low, REFERENCE_TIME, high])]
     for counted, column, kept in (
         ("all", "n_segments", good),
@@ -248,7 +248,7 @@ def _unchanged(rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str
             "unchanged": same["same"].mean(),
             "ci_low": ci_low,
             "ci_high": ci_high,
-            "within_one": 100.0 * (spread <= 1).mean(),
+            "within_one": 100.0 * float(np.mean(spread.to_numpy(dtype=float) <= 1)),
             "n": len(same),
             "failures": failed,
         }
