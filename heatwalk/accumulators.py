@@ -1,6 +1,6 @@
 """The heat walk (paper, section 4): every vertex walks along the largest heat-flow capacity to its exemplar.
 
-The paper's Algorithm 1 repeats, over a shrinking set E of exemplars,
+Algorithm 1 of the paper repeats, over a shrinking set E of exemplars,
 
     e(x) = argmax_{y in E} min(h(x, y), s(y)),    s(x) = max_{y in E} min(h(x, y), s(y)),
 
@@ -23,87 +23,113 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-# Values this near the largest (relative) count as tied with it; the smallest vertex index wins.
+from heatwalk.kernel import HeatKernel
+
+# Values this close to the largest (relative) count as tied with it; the smallest vertex index wins.
 TIE = 1e-10
 
 
 @dataclass(frozen=True)
 class HeatWalk:
-    """The forest that the walk leaves on n vertices, and its history.
+    """The forest of the walk on n vertices, and its history.
 
     Attributes
     ----------
-    pointer : (n,) int array, e₁(x): the vertex that x chooses. A root points to itself.
-    first_potential : (n,) float array, s₁(x) = h(x, x)
-    potential : (n,) float array, s₂(x) = h(x, e₁(x)), which no later step changes
-    exemplars : (K,) int array, the roots, ascending
-    labels : (n,) int array, 0 … K-1: the index in ``exemplars`` of the root that x reaches
+    pointer : (n,) int array
+        e₁(x), the vertex that x chooses; a root points to itself
+    first_potential : (n,) float array
+        s₁(x) = h(x, x)
+    potential : (n,) float array
+        s₂(x) = h(x, e₁(x)), which later steps do not change
+    exemplars : (K,) int array, ascending
+        the roots
+    labels : (n,) int array, 0 … K-1
+        the index in ``exemplars`` of the root that x reaches
     """
 
-    pointer: np.ndarray
-    first_potential: np.ndarray
-    potential: np.ndarray
-    exemplars: np.ndarray
-    labels: np.ndarray
+    pointer: NDArray[np.int64]
+    first_potential: NDArray[np.float64]
+    potential: NDArray[np.float64]
+    exemplars: NDArray[np.int64]
+    labels: NDArray[np.int64]
 
     @cached_property
-    def steps(self):
-        """Where each vertex stands after 0, 1, 2 … steps: a list of (n,) int arrays of vertices.
+    def steps(self) -> list[NDArray[np.int64]]:
+        """The vertex that each vertex has reached after 0, 1, 2 … steps: a list of (n,) int arrays.
 
-        The first has every vertex at itself, the last at its root. ``np.unique(steps[m])`` are the exemplars left
-        after m steps, the paper's E; vertices with the same value form one region after m steps (Figure 3).
+        In the first array every vertex is at itself, in the last at its root. ``np.unique(steps[m])`` are the exemplars
+        left after m steps, the paper's E; vertices with equal values form one region after m steps (Figure 3).
         """
         steps = [np.arange(len(self.pointer))]
         while not np.array_equal(following := self.pointer[steps[-1]], steps[-1]):
             steps.append(following)
         return steps
 
-    def settled_shares(self):
-        """The share of vertices that have reached their exemplar after 0, 1, 2 … steps: (steps + 1,) float array."""
+    def settled_shares(self) -> NDArray[np.float64]:
+        """The share of vertices that have reached their exemplar after 0, 1, 2 … steps.
+
+        Returns
+        -------
+        (steps + 1,) float array
+            ascending; the last is 1
+        """
         return np.array([np.mean(vertices == self.steps[-1]) for vertices in self.steps])
 
-    def path(self, vertex):
-        """The path π of ``vertex``: a list of vertices from it to its exemplar."""
+    def path(self, vertex: int) -> list[int]:
+        """The path π of a vertex: the vertices from it to its exemplar."""
         path = [int(vertex)]
         while (following := int(self.pointer[path[-1]])) != path[-1]:
             path.append(following)
         return path
 
 
-def heat_walk(kernel):
+def heat_walk(kernel: HeatKernel) -> HeatWalk:
     """Walk every vertex to its exemplar.
 
     Parameters
     ----------
-    kernel : heatwalk.kernel.HeatKernel
+    kernel : HeatKernel
 
     Returns
     -------
     HeatWalk
+
+    Examples
+    --------
+    >>> rows = np.array([[1.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
+    >>> walk = heat_walk(HeatKernel(rows, np.zeros(3, int), np.ones(3) / 3, time=1.0))
+    >>> walk.exemplars, walk.labels
+    (array([1, 2]), array([0, 0, 1]))
     """
     pointer, potential = maximum_inner_products(kernel)
-    roots = _roots(pointer)
+    roots = _find_roots(pointer)
     pointer = np.where(roots == np.arange(len(roots)), roots, pointer)
-    reached = np.zeros(len(roots), dtype=bool)
-    reached[roots] = True
-    labels = (np.cumsum(reached) - 1)[roots]
-    return HeatWalk(pointer, kernel.diagonal(), potential, np.flatnonzero(reached), labels)
+    is_root = np.zeros(len(roots), dtype=bool)
+    is_root[roots] = True
+    labels = (np.cumsum(is_root) - 1)[roots]
+    return HeatWalk(pointer, kernel.diagonal(), potential, np.flatnonzero(is_root), labels)
 
 
-def maximum_inner_products(kernel):
-    """For each vertex x the vertex y of largest h(x, y), and that value.
+def maximum_inner_products(kernel: HeatKernel) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """For each vertex x, the vertex y of largest h(x, y), and that value.
 
-    Exact, by a search over a tree (``heatwalk.numerics.search``): about O(n k log n) time on meshes, O(n k) memory.
-    Of the values within ``TIE`` of the largest, the smallest vertex index is taken.
+    Parameters
+    ----------
+    kernel : HeatKernel
 
     Returns
     -------
     argmax : (n,) int array
+        the smallest vertex index among the values within `TIE` of the largest
     maximum : (n,) float array
+
+    Notes
+    -----
+    Exact, by a tree search (`heatwalk.numerics.search`): about O(n k log n) time on meshes, O(n k) memory.
     """
-    # Here, so that importing the package does not wait for numba.
-    from heatwalk.numerics.search import largest_inner_products
+    from heatwalk.numerics.search import largest_inner_products  # imports numba
 
     argmax = np.empty(len(kernel.factor), dtype=np.int64)
     maximum = np.empty(len(kernel.factor))
@@ -113,8 +139,8 @@ def maximum_inner_products(kernel):
     return argmax, maximum
 
 
-def blocked_maximum_inner_products(kernel):
-    """What ``maximum_inner_products`` gives, from all n² products in blocks of rows: the reference, O(n² k) time."""
+def blocked_maximum_inner_products(kernel: HeatKernel) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Compute the same as `maximum_inner_products` from all n² products, in blocks of rows: the reference, O(n² k)."""
     argmax = np.empty(len(kernel.factor), dtype=np.int64)
     maximum = np.empty(len(kernel.factor))
     for vertices in kernel.parts():
@@ -125,13 +151,13 @@ def blocked_maximum_inner_products(kernel):
     return argmax, maximum
 
 
-def _roots(pointer):
+def _find_roots(pointer: NDArray[np.int64]) -> NDArray[np.int64]:
     """The root that each vertex reaches, by pointer doubling.
 
-    Where ties within ``TIE`` close a ring of vertices, its smallest vertex is the root.
+    If ties within `TIE` close a ring of vertices, its smallest vertex is the root.
     """
     reached = pointer
-    smallest = np.minimum(np.arange(len(pointer)), pointer)  # on the way from each vertex to where it has got
+    smallest = np.minimum(np.arange(len(pointer)), pointer)  # on the path from each vertex to the one it has reached
     for _ in range(len(pointer).bit_length()):
         smallest = np.minimum(smallest, smallest[reached])
         farther = reached[reached]

@@ -1,49 +1,62 @@
-"""The command `heatwalk`: segment a mesh in a file, or say what it is."""
+"""The command ``heatwalk``: segment a mesh file, or report on it."""
 
 import argparse
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from heatwalk import __version__
-from heatwalk.io import read_mesh, write_ply, write_seg
-from heatwalk.meshes import MeshError, inspect_mesh
-from heatwalk.segmentation import segment
-from heatwalk.spectrum import SpectrumError
+
+if TYPE_CHECKING:
+    from heatwalk.io import LoadedMesh
+    from heatwalk.segmentation import Segmentation
+
+# SciPy and numba are imported by the commands that use them: `heatwalk --help` should not wait for them.
 
 _EXAMPLE = """\
 example:
   heatwalk inspect cow.obj
   heatwalk segment cow.obj --time 1 --output cow_segments.ply
 
-meshes are read from OFF, OBJ, PLY and STL files
+mesh files: OFF, OBJ, PLY or STL
 """
 
-_ROWS_SHOWN = 20  # of the table of segments, the largest first: symmetric shapes can have hundreds
+# Rows of the table of segments, the largest first: symmetric shapes can have hundreds.
+_MAX_ROWS = 20
 
 
-def main(argv=None):
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the command.
 
     Parameters
     ----------
     argv : list of str, optional
-        the arguments, by default those of the process
+        the arguments; by default those of the process
 
     Returns
     -------
     int
-        0; or 2 where the mesh cannot be segmented or a file cannot be read or written, with one line that
-        says why on stderr
+        0 on success; 2 if the mesh cannot be segmented or a file cannot be read or written, with a one-line reason on
+        stderr
 
     Raises
     ------
     SystemExit
-        by argparse, for --help, --version and arguments that it refuses
+        by argparse, for --help, --version and invalid arguments
+
+    Examples
+    --------
+    >>> main(["--version"])
+    Traceback (most recent call last):
+    SystemExit: 0
     """
     arguments = _parser().parse_args(argv)
+
+    from heatwalk.io import read_mesh
+    from heatwalk.meshes import MeshError
+
     try:
         mesh = read_mesh(arguments.mesh)
     except MeshError as error:
@@ -51,7 +64,8 @@ def main(argv=None):
     return arguments.run(arguments, mesh)
 
 
-def _parser():
+def _parser() -> argparse.ArgumentParser:
+    """The parser of the arguments; each command sets ``run``."""
     parser = argparse.ArgumentParser(
         prog="heatwalk",
         description="Segment triangle meshes by the pathways of largest heat-flow capacity (the Heat Walk).",
@@ -63,9 +77,9 @@ def _parser():
 
     command = commands.add_parser(
         "segment",
-        help="write the mesh coloured by segment (PLY), and the label of every face (.seg)",
-        description="Segment a mesh; write it coloured by segment, the dissipator region grey, and\n"
-        "beside it a .seg file with one label a face, in the order of the faces.",
+        help="write the mesh coloured by segment (PLY) and the label of every face (.seg)",
+        description="Segment a mesh. Writes the mesh coloured by segment, with the dissipator region in grey,\n"
+        "and next to it a .seg file with one label per face, in the order of the faces.",
         epilog="example:\n  heatwalk segment cow.obj --time 1 --output cow_segments.ply",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -75,27 +89,28 @@ def _parser():
         type=_time,
         default=1.0,
         metavar="T",
-        help="how long heat flows, in the paper's unit: the longer, the fewer segments (default: 1)",
+        help="duration of the heat flow in the unit of the paper; longer times give fewer segments (default: 1)",
     )
     command.add_argument(
         "--output",
         type=_ply_path,
         metavar="OUT.ply",
-        help="default: MESH's name with _segments.ply, in the current directory",
+        help="default: the name of MESH with _segments.ply, in the current directory",
     )
     command.set_defaults(run=_segment)
 
     command = commands.add_parser(
         "inspect",
-        help="say what the mesh is, and whether it can be segmented",
-        description="Say what a mesh is, and whether it can be segmented: exit code 0 if it can, 2 if not.",
+        help="report the properties of the mesh and whether it can be segmented",
+        description="Report the properties of a mesh. The exit code is 0 if it can be segmented, 2 if not.",
     )
     command.add_argument("mesh", metavar="MESH", help="an OFF, OBJ, PLY or STL file")
     command.set_defaults(run=_inspect)
     return parser
 
 
-def _time(text):
+def _time(text: str) -> float:
+    """The value of --time."""
     try:
         time = float(text)
     except ValueError:
@@ -105,60 +120,79 @@ def _time(text):
     return time
 
 
-def _ply_path(text):
+def _ply_path(text: str) -> Path:
+    """The value of --output."""
     path = Path(text)
     if path.suffix.lower() != ".ply":
         raise argparse.ArgumentTypeError(f"must end in .ply, got {text!r}")
     return path
 
 
-def _fail(message):
+def _fail(message: object) -> int:
+    """Print an error; returns the exit code."""
     print(f"heatwalk: error: {message}", file=sys.stderr)
     return 2
 
 
-def _segment(arguments, mesh):
+def _segment(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
+    """``heatwalk segment``; returns the exit code."""
+    from heatwalk.io import write_ply, write_seg
+    from heatwalk.meshes import MeshError
+    from heatwalk.segmentation import segment
+    from heatwalk.spectrum import SpectrumError
+
     output = arguments.output or Path(f"{Path(arguments.mesh).stem}_segments.ply")
     labels_output = output.with_suffix(".seg")
-    # Before the work, which may take long.
+    # Checked before the segmentation, which may take long.
     if output.exists() and output.samefile(arguments.mesh):
-        return _fail(f"{output}: the output would overwrite the mesh; give another --output")
+        return _fail(f"{output}: the output would overwrite the mesh; choose another --output")
     if not output.parent.is_dir():
         return _fail(f"{output}: cannot be written: no such directory")
     try:
         segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
     except (MeshError, SpectrumError) as error:
         return _fail(f"{arguments.mesh}: {error}")
-
-    dissipator = len(segmentation.exemplars)
     try:
-        write_ply(output, mesh.vertices, mesh.faces, segmentation.labels, dissipator)
+        write_ply(output, mesh.vertices, mesh.faces, segmentation.labels, dissipator=len(segmentation.exemplars))
         write_seg(labels_output, segmentation.face_labels)
     except OSError as error:
         return _fail(f"{error.filename}: cannot be written: {error.strerror}")
 
     _print_mesh(arguments.mesh, mesh)
-    sizes = np.bincount(segmentation.labels, minlength=dissipator + 1)
-    regions = _of(np.count_nonzero(sizes[:dissipator]), "accumulator region")
-    components = f", {segmentation.n_components} components" if segmentation.n_components > 1 else ""
-    print(f"{regions}, {'a' if sizes[dissipator] else 'no'} dissipator region{components}")
-    print(f"\n{'segment':>12}  {'vertices':>10}  {'share':>6}")
-    for label in np.argsort(-sizes, kind="stable")[: min(_ROWS_SHOWN, np.count_nonzero(sizes))]:
-        name = "dissipator" if label == dissipator else label
-        print(f"{name:>12}  {sizes[label]:>10,}  {sizes[label] / len(mesh.vertices):>6.1%}")
-    if segmentation.n_segments > _ROWS_SHOWN:
-        print(f"{'…':>12}  {segmentation.n_segments - _ROWS_SHOWN:>10,} smaller segments")
-    print("\nseconds: " + ", ".join(f"{stage} {t:.2f}" for stage, t in segmentation.seconds.items()))
+    _print_segments(segmentation)
     print(f"written: {output}, {labels_output}")
     return 0
 
 
-def _inspect(arguments, mesh):
+def _print_segments(segmentation: "Segmentation") -> None:
+    """Print the number of regions, the sizes of the largest segments, and the seconds of each stage."""
+    import numpy as np
+
+    n_accumulators, n_vertices = len(segmentation.exemplars), len(segmentation.labels)
+    sizes = np.bincount(segmentation.labels, minlength=n_accumulators + 1)
+    n_segments = int(np.count_nonzero(sizes))
+    regions = _count(int(np.count_nonzero(sizes[:n_accumulators])), "accumulator region")
+    dissipator = "a dissipator region" if sizes[n_accumulators] else "no dissipator region"
+    components = f", {segmentation.n_components} components" if segmentation.n_components > 1 else ""
+    print(f"{regions}, {dissipator}{components}")
+    print(f"\n{'segment':>12}  {'vertices':>10}  {'share':>6}")
+    for label in np.argsort(-sizes, kind="stable")[: min(_MAX_ROWS, n_segments)]:
+        name = "dissipator" if label == n_accumulators else label
+        print(f"{name:>12}  {sizes[label]:>10,}  {sizes[label] / n_vertices:>6.1%}")
+    if n_segments > _MAX_ROWS:
+        print(f"{'…':>12}  {n_segments - _MAX_ROWS:>10,} smaller segments")
+    print("\nseconds: " + ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in segmentation.seconds.items()))
+
+
+def _inspect(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
+    """``heatwalk inspect``; returns the exit code."""
+    from heatwalk.meshes import inspect_mesh
+
     report = inspect_mesh(mesh.vertices, mesh.faces)
     _print_mesh(arguments.mesh, mesh)
     for name, value in (
         ("components", report.n_components),
-        ("boundary edges", f"{report.n_boundary_edges:,} in {_of(report.n_boundary_loops, 'loop')}"),
+        ("boundary edges", f"{report.n_boundary_edges:,} in {_count(report.n_boundary_loops, 'loop')}"),
         ("non-manifold edges", report.n_nonmanifold_edges),
         ("degenerate faces", report.n_degenerate_faces),
         ("duplicate faces", report.n_duplicate_faces),
@@ -170,21 +204,24 @@ def _inspect(arguments, mesh):
         ("bounding-box diagonal", report.bounding_box_diagonal),
         ("can be segmented", report.problem is None),
     ):
-        print(f"  {name:<22} {_shown(value)}")
+        print(f"  {name:<22} {_format(value)}")
     return 0 if report.problem is None else _fail(f"{arguments.mesh}: {report.problem}")
 
 
-def _print_mesh(path, mesh):
+def _print_mesh(path: str, mesh: "LoadedMesh") -> None:
+    """Print the size of a mesh, and what was changed while reading it."""
     print(f"{path}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     for note in mesh.notes:
         print(f"  note: {note}")
 
 
-def _of(count, noun):
+def _count(count: int, noun: str) -> str:
+    """A number with its noun in singular or plural."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
-def _shown(value):
+def _format(value: object) -> str:
+    """A value of the report as text."""
     match value:
         case bool():
             return "yes" if value else "no"
@@ -192,4 +229,4 @@ def _shown(value):
             return f"{value:,}"
         case float():
             return f"{value:.6g}"
-    return value
+    return str(value)

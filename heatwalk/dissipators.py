@@ -1,67 +1,105 @@
 """Dissipator regions by the relative-entropy test (paper, section 5 and Algorithm 2)."""
 
 import numpy as np
-import scipy.sparse as sp
+from numpy.typing import NDArray
 
-# Least density, relative to the largest, that enters a logarithm: below it stands only the rounding of the kernel.
-LEAST_DENSITY = 1e-16
+from heatwalk.kernel import HeatKernel
 
-# Bytes of the densities that are looked at together: few enough for the cache.
+# Least density, relative to the largest, inside a logarithm: smaller values are rounding errors of the kernel.
+MIN_DENSITY = 1e-16
+
+# Bytes of the densities that are processed together: few enough for the cache.
 BLOCK_BYTES = 2**20
 
 
-def relative_entropy_excess(kernel, labels, weights=None):
-    """How much farther each vertex is from its region's mean density than from the uniform one.
+def relative_entropy_excess(
+    kernel: HeatKernel, labels: NDArray[np.int64], weights: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """How much farther each vertex is from the mean density of its region than from the uniform density.
 
     Parameters
     ----------
-    kernel : heatwalk.kernel.HeatKernel of a mesh with n vertices
-    labels : (n,) int array, 0 … K-1, the accumulator regions
-    weights : (n,) float array or None
-        measure in which densities are sums: None counts vertices, as printed in the paper; the mass gives areas
+    kernel : HeatKernel
+        of a mesh with n vertices
+    labels : (n,) int array, 0 … K-1
+        the accumulator regions
+    weights : (n,) float array, optional
+        measure with respect to which densities are summed: by default every vertex counts 1, as in the paper; the mass
+        gives integrals over the surface
 
     Returns
     -------
-    (n,) float array, KL(p_x ‖ q_C) − KL(p_x ‖ uniform) in nats; vertex x dissipates where it is positive
+    (n,) float array
+        KL(p_x ‖ q_C) − KL(p_x ‖ uniform) in nats; vertex x dissipates if it is positive
 
     Notes
     -----
-    p_x(y) ∝ h(x, y) is the density of vertex x and q_C that of its region C. The entropy of p_x stands in both
-    divergences, so that their difference is −Σ_y p_x(y) log(q_C(y)/u(y)), u the uniform density over all n vertices: a
-    product with the factor of the kernel for each region, O(n k) each, without a logarithm of the n x n kernel.
+    p_x(y) ∝ h(x, y) is the density of vertex x, and q_C that of its region C. The entropy of p_x is part of both
+    divergences, so that their difference is −Σ_y p_x(y) log(q_C(y)/u(y)) with the uniform density u over all n
+    vertices: one product with the factor of the kernel per region, O(n k) each, and no logarithm of the n x n kernel.
+
+    Examples
+    --------
+    Regions of a single vertex: their mean density is that of the vertex, so that no vertex dissipates.
+
+    >>> kernel = HeatKernel(np.eye(3) + 0.01, np.zeros(3, int), np.ones(3) / 3, time=1.0)
+    >>> relative_entropy_excess(kernel, np.arange(3)) < 0
+    array([ True,  True,  True])
     """
+    import scipy.sparse as sp
+
     measure = np.ones(len(labels)) if weights is None else weights
     excess = np.empty(len(labels))
     for part in kernel.parts():
         factor, n = kernel.rows(part), len(part)
         region = np.unique(labels[part], return_inverse=True)[1]
-        inside = sp.csr_array((np.ones(n), region, np.arange(n + 1))).T @ factor
-        of_all = measure[part] @ factor
-        # Densities of all its regions in blocks of rows, made again in each pass: to keep them takes longer.
-        height = max(1, BLOCK_BYTES // (8 * len(inside)))
+        region_sums = np.asarray(sp.csr_array((np.ones(n), region, np.arange(n + 1))).T @ factor)
+        total = measure[part] @ factor
+        # The densities of all regions, in blocks of rows: recomputing them in each pass is faster than keeping them.
+        height = max(1, BLOCK_BYTES // (8 * len(region_sums)))
         blocks = [slice(start, start + height) for start in range(0, n, height)]
-        hottest = np.max([(factor[rows] @ inside.T).max(axis=0) for rows in blocks], axis=0)
-        pull = np.zeros_like(inside)
+        peak_density = np.max([(factor[rows] @ region_sums.T).max(axis=0) for rows in blocks], axis=0)
+        log_ratio_sums = np.zeros_like(region_sums)  # Σ_y measure(y) log(q_C(y)/u(y)) factor(y) for each region C
         for rows in blocks:
-            density = np.maximum(factor[rows] @ inside.T, LEAST_DENSITY * hottest)
-            log_ratio = np.log(density * (measure.sum() / (inside @ of_all)))  # log(q_C / u)
-            pull += (measure[part[rows], None] * log_ratio).T @ factor[rows]
+            density = np.maximum(factor[rows] @ region_sums.T, MIN_DENSITY * peak_density)
+            log_ratio = np.log(density * (measure.sum() / (region_sums @ total)))
+            log_ratio_sums += (measure[part[rows], None] * log_ratio).T @ factor[rows]
         for rows in blocks:
-            excess[part[rows]] = -np.einsum("ij,ij->i", factor[rows], pull[region[rows]]) / (factor[rows] @ of_all)
+            divergence = np.einsum("ij,ij->i", factor[rows], log_ratio_sums[region[rows]])
+            excess[part[rows]] = -divergence / (factor[rows] @ total)
     return excess
 
 
-def divergence_from_uniform(kernel, weights=None):
-    """KL(p_x ‖ uniform) of every vertex, in nats (paper, Figure 4 b): (n,) float array.
+def divergence_from_uniform(kernel: HeatKernel, weights: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """KL(p_x ‖ uniform) of every vertex, in nats (paper, Figure 4 b).
 
-    The divergence from the region's mean (Figure 4 c) is this plus ``relative_entropy_excess``. The entropy of p_x does
-    not factor: this takes O(n² k) time, in blocks of bounded memory.
+    Parameters
+    ----------
+    kernel : HeatKernel
+        of a mesh with n vertices
+    weights : (n,) float array, optional
+        as in `relative_entropy_excess`
+
+    Returns
+    -------
+    (n,) float array
+
+    Notes
+    -----
+    The divergence from the mean density of the region (Figure 4 c) is this plus `relative_entropy_excess`. The entropy
+    of p_x does not factor: O(n² k) time, in blocks of bounded memory.
+
+    Examples
+    --------
+    >>> kernel = HeatKernel(np.ones((3, 1)), np.zeros(3, int), np.ones(3) / 3, time=1.0)
+    >>> divergence_from_uniform(kernel)
+    array([0., 0., 0.])
     """
     measure = np.ones(len(kernel.factor)) if weights is None else weights
     divergence = np.empty(len(kernel.factor))
     for part in kernel.parts():
         for rows, block in kernel.row_blocks(part):
-            density = np.maximum(block, LEAST_DENSITY * block.max(axis=1, keepdims=True))
+            density = np.maximum(block, MIN_DENSITY * block.max(axis=1, keepdims=True))
             density /= (density @ measure[part])[:, None]
             divergence[part[rows]] = (density * np.log(density * measure.sum())) @ measure[part]
     return divergence

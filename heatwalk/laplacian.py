@@ -18,7 +18,7 @@ MIN_RELATIVE_MASS = 1e-10
 
 
 def unit_area(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Center a mesh at the origin and scale it to area 1.
+    """Centre a mesh at the origin and scale it to area 1.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[NDArray[np.float6
     n = len(vertices)
     if n < 4:
         raise MeshError(f"the mesh has {n} vertices; at least 4 are required")
-    _reject_vertices(~np.isfinite(vertices).all(axis=1), "have NaN or infinite coordinates")
+    _reject_vertices(~np.all(np.isfinite(vertices), axis=1), "have NaN or infinite coordinates")
     _reject_vertices(~referenced(faces, n), "belong to no face (remove them)")
     degenerate, collapsed = _degenerate_faces(vertices, faces)
     if degenerate.all():

@@ -1,10 +1,12 @@
-"""segment(): operator, heat kernel, heat walk, dissipators, in this order; and Segmentation, what they give."""
+"""Segmentation of a mesh: operator, spectrum, heat kernel, heat walk, dissipators, in this order."""
 
 import time as clock
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from heatwalk.accumulators import HeatWalk, heat_walk
 from heatwalk.dissipators import divergence_from_uniform, relative_entropy_excess
@@ -13,10 +15,10 @@ from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
 from heatwalk.meshes import check_mesh
 from heatwalk.spectrum import Spectrum, SpectrumSolver
 
-# Raised when a change of the code changes labels, so that stored results are not taken for those of this version.
+# Increased when a change of the code changes labels, so that stored results of older versions are not reused.
 ALGORITHM_VERSION = 1
 
-# The paper's time 1 on a mesh of area 1, in units of the heat equation ∂u/∂t = Δu: its operator is Δ/6.
+# Time 1 of the paper on a mesh of area 1, in units of the heat equation ∂u/∂t = Δu: the paper's operator is Δ/6.
 PAPER_TIME = 1 / 6
 
 TIME_UNITS = ("paper", "standard", "fiedler")
@@ -25,69 +27,84 @@ DENSITIES = ("vertices", "area")
 
 @dataclass(frozen=True)
 class Segmentation:
-    """What the Heat Walk makes of a mesh with n vertices and m faces.
+    """Heat Walk segmentation of a mesh with n vertices and m faces.
 
     Attributes
     ----------
     labels : (n,) int array
         0 … K-1 the accumulator regions, K the dissipator region (K, K+1 … its connected pieces with
-        ``split_dissipators``). A region all of whose vertices dissipate keeps its number and has no vertex.
-    accumulator_labels : (n,) int array, 0 … K-1, the regions before the dissipator step
+        ``split_dissipators``). A region whose vertices all dissipate keeps its number and has no vertex.
+    accumulator_labels : (n,) int array, 0 … K-1
+        the regions before the dissipator step
     face_labels : (m,) int array
-        ``labels`` carried to the faces: the label that two corners agree on, else the first corner's
-    exemplars : (K,) int array, ascending; the vertex that each accumulator region walked to
+        ``labels`` transferred to the faces: the label of at least two corners, otherwise that of the first corner
+    exemplars : (K,) int array, ascending
+        the vertex at which each accumulator region accumulates heat, the end of its paths
     relative_entropy_excess : (n,) float array
-        KL(p_x ‖ q_C) − KL(p_x ‖ uniform) in nats; the vertex dissipates where it is positive
-    walk : HeatWalk, the forest of the walk and its history
+        KL(p_x ‖ q_C) − KL(p_x ‖ uniform) in nats; a vertex dissipates if it is positive
+    walk : HeatWalk
+        the forest of the walk and its history
     kernel : HeatKernel
     spectrum : Spectrum
-    time : float, in the paper's units, on the mesh scaled to area 1
-    standard_time : float, ``time / 6``, in units of the heat equation ∂u/∂t = Δu
-    fiedler_time : float, standard time times the smallest positive eigenvalue: without a unit, whatever the area
-    seconds : dict of the seconds each stage took: operator (with the mesh's check), spectrum, walk, dissipators
+    time : float
+        in the units of the paper, on the mesh scaled to area 1
+    standard_time : float
+        ``time / 6``, in units of the heat equation ∂u/∂t = Δu
+    fiedler_time : float
+        standard time multiplied by the smallest positive eigenvalue: dimensionless, independent of the area
+    seconds : dict
+        wall-clock seconds per stage: operator (including the check of the mesh), spectrum, walk, dissipators
     """
 
-    labels: np.ndarray
-    accumulator_labels: np.ndarray
-    face_labels: np.ndarray
-    exemplars: np.ndarray
-    relative_entropy_excess: np.ndarray
+    labels: NDArray[np.int64]
+    accumulator_labels: NDArray[np.int64]
+    face_labels: NDArray[np.int64]
+    exemplars: NDArray[np.int64]
+    relative_entropy_excess: NDArray[np.float64]
     walk: HeatWalk
     kernel: HeatKernel
     spectrum: Spectrum
     time: float
     standard_time: float
     fiedler_time: float
-    seconds: dict = field(compare=False)
-    _weights: np.ndarray | None = field(repr=False, default=None)
+    seconds: dict[str, float] = field(compare=False)
+    _weights: NDArray[np.float64] | None = field(repr=False, default=None)
 
     @property
-    def n_components(self):
-        """Connected components of the mesh; each holds at least one region."""
+    def n_components(self) -> int:
+        """Number of connected components of the mesh; each has at least one accumulator region."""
         return len(self.spectrum.eigenvalues)
 
     @property
-    def n_segments(self):
-        """Labels that at least one vertex carries, the dissipator region included."""
+    def n_segments(self) -> int:
+        """Number of labels with at least one vertex, including the dissipator region."""
         return len(np.unique(self.labels))
 
     @property
-    def dissipates(self):
-        """(n,) bool array, the vertices of the dissipator region."""
+    def dissipates(self) -> NDArray[np.bool_]:
+        """Whether each vertex is in the dissipator region: (n,) bool array."""
         return self.relative_entropy_excess > 0
 
     @cached_property
-    def divergence_from_uniform(self):
-        """KL(p_x ‖ uniform): (n,) float array, in nats (paper, Figure 4 b). O(n²) time when first asked for."""
+    def divergence_from_uniform(self) -> NDArray[np.float64]:
+        """KL(p_x ‖ uniform), (n,) float array in nats (paper, Figure 4 b); O(n²) time on first access."""
         return divergence_from_uniform(self.kernel, self._weights)
 
     @property
-    def divergence_from_region(self):
-        """KL(p_x ‖ q_C), C the region of x: (n,) float array, in nats (paper, Figure 4 c)."""
+    def divergence_from_region(self) -> NDArray[np.float64]:
+        """KL(p_x ‖ q_C) with the region C of x: (n,) float array in nats (paper, Figure 4 c)."""
         return self.divergence_from_uniform + self.relative_entropy_excess
 
 
-def segment(vertices, faces, time=1.0, *, time_unit="paper", density="vertices", split_dissipators=False):
+def segment(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    time: float = 1.0,
+    *,
+    time_unit: str = "paper",
+    density: str = "vertices",
+    split_dissipators: bool = False,
+) -> Segmentation:
     """Segment a triangle mesh with the Heat Walk.
 
     Parameters
@@ -95,14 +112,15 @@ def segment(vertices, faces, time=1.0, *, time_unit="paper", density="vertices",
     vertices : (n, 3) array of coordinates, in any unit
     faces : (m, 3) array of vertex indices
     time : float
-        how long heat flows, by default in the paper's units; the paper uses 1 throughout
+        duration of the heat flow, by default in the units of the paper, which uses 1 throughout; longer times give
+        fewer segments
     time_unit : {"paper", "standard", "fiedler"}
-        "standard": ∂u/∂t = Δu on the mesh of area 1, six times the paper's; "fiedler": multiples of 1/λ₁, the
-        smallest positive eigenvalue
+        "standard": ∂u/∂t = Δu on the mesh of area 1, six times the unit of the paper; "fiedler": multiples of 1/λ₁, the
+        inverse of the smallest positive eigenvalue
     density : {"vertices", "area"}
-        whether heat densities are sums over vertices, as the paper prints them, or integrals over the surface
+        whether heat densities are sums over vertices, as in the paper, or integrals over the surface
     split_dissipators : bool
-        give each connected piece of the dissipator region a label of its own
+        give each connected piece of the dissipator region its own label
 
     Returns
     -------
@@ -111,50 +129,86 @@ def segment(vertices, faces, time=1.0, *, time_unit="paper", density="vertices",
     Raises
     ------
     MeshError
-        (a ValueError) for a mesh that cannot be segmented
+        (a ValueError) if the mesh cannot be segmented
     SpectrumError
-        when the eigensolver does not reach its residual
+        if the eigensolver does not reach its required residual
     ValueError
-        for a time that is not positive, or an unknown option
+        if the time is not positive and finite, or an option is unknown
 
     Notes
     -----
-    The mesh is scaled to area 1, the area of all its components together. Heat does not cross from one component to
-    another, so that each holds regions of its own; the uniform density of the dissipator test is over all n vertices.
+    The mesh is scaled to area 1, the total area of all components. Heat does not cross from one component to another,
+    so that each has its own regions; the uniform density of the dissipator test is over all n vertices.
 
-    Source: Benjamin, Polk, Vishwanathan, Ramani, "Heat Walk: Robust Salient Segmentation of Non-rigid Shapes", 2011.
+    References
+    ----------
+    W. Benjamin, A. W. Polk, S. V. N. Vishwanathan, K. Ramani, "Heat Walk: Robust Salient Segmentation of Non-rigid
+    Shapes", 2011
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> mesh = trimesh.creation.torus(1, 0.4)
+    >>> seg = segment(mesh.vertices, mesh.faces, time=4)
+    >>> len(seg.labels) == len(mesh.vertices)
+    True
+    >>> bool((seg.accumulator_labels[seg.exemplars] == range(len(seg.exemplars))).all())
+    True
     """
-    options = {"time_unit": time_unit, "density": density, "split_dissipators": split_dissipators}
-    return next(segment_at_times(vertices, faces, [time], **options))
+    return next(
+        segment_at_times(
+            vertices, faces, [time], time_unit=time_unit, density=density, split_dissipators=split_dissipators
+        )
+    )
 
 
-def segment_at_times(vertices, faces, times, *, time_unit="paper", density="vertices", split_dissipators=False):
-    """Segment a triangle mesh with the Heat Walk at many times, from one spectrum: that of the shortest.
+def segment_at_times(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    times: Sequence[float],
+    *,
+    time_unit: str = "paper",
+    density: str = "vertices",
+    split_dissipators: bool = False,
+) -> Iterator[Segmentation]:
+    """Segment a triangle mesh with the Heat Walk at several times, from a single spectrum: that of the shortest time.
 
     Parameters
     ----------
-    times : sequence of floats, in any order; the other parameters are those of ``segment``
+    vertices, faces, time_unit, density, split_dissipators
+        as in `segment`
+    times : sequence of floats, in any order
 
     Returns
     -------
-    iterator of Segmentation, one a time, in the order of ``times``; the same labels as ``segment`` gives. Each is made
-    when it is asked for; the mesh is checked and its spectrum computed at the call. The ``seconds`` of each count the
-    operator and the spectrum in full, though they are shared.
+    iterator of Segmentation
+        one per time, in the order of ``times``, with the same labels as from `segment`. Each is computed when the
+        iterator reaches it; the mesh is checked and its spectrum computed by the call itself. The ``seconds`` of each
+        include the operator and the spectrum in full, although they are shared.
 
     Raises
     ------
-    as ``segment``
+    MeshError, SpectrumError, ValueError
+        as `segment`; also ValueError if ``times`` is empty
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> mesh = trimesh.creation.icosphere(3).apply_scale([4, 1.2, 1])
+    >>> few, many = segment_at_times(mesh.vertices, mesh.faces, [10, 0.3])
+    >>> len(few.exemplars) < len(many.exemplars)
+    True
     """
     times = [float(time) for time in times]
     for time in times:
         if not 0 < time < np.inf:
-            raise ValueError(f"time must be positive and finite, not {time!r}")
+            raise ValueError(f"time must be positive and finite, got {time!r}")
     if not times:
-        raise ValueError("times is empty; at least one is needed")
+        raise ValueError("times is empty; at least one time is required")
     if time_unit not in TIME_UNITS:
-        raise ValueError(f"time_unit must be one of {', '.join(TIME_UNITS)}, not {time_unit!r}")
+        raise ValueError(f"time_unit must be one of {', '.join(TIME_UNITS)}, got {time_unit!r}")
     if density not in DENSITIES:
-        raise ValueError(f"density must be one of {', '.join(DENSITIES)}, not {density!r}")
+        raise ValueError(f"density must be one of {', '.join(DENSITIES)}, got {density!r}")
 
     start = clock.perf_counter()
     vertices, faces = check_mesh(vertices, faces)
@@ -169,14 +223,23 @@ def segment_at_times(vertices, faces, times, *, time_unit="paper", density="vert
     else:
         standard_times = [time * (PAPER_TIME if time_unit == "paper" else 1.0) for time in times]
     spectrum = solver.up_to(largest_eigenvalue(min(standard_times)))
-    del solver  # the factors are larger than all that follows
-    shared = {"operator": assembled - start, "spectrum": clock.perf_counter() - assembled}
+    del solver  # the factor is larger than everything that follows
+    shared_seconds = {"operator": assembled - start, "spectrum": clock.perf_counter() - assembled}
     weights = mass if density == "area" else None
-    return (_at_time(faces, spectrum, time, weights, split_dissipators, shared) for time in standard_times)
+    return (
+        _segment_at_time(faces, spectrum, time, weights, split_dissipators, shared_seconds) for time in standard_times
+    )
 
 
-def _at_time(faces, spectrum, standard_time, weights, split_dissipators, shared):
-    """The walk and the dissipators at one time: Segmentation."""
+def _segment_at_time(
+    faces: NDArray[np.int64],
+    spectrum: Spectrum,
+    standard_time: float,
+    weights: NDArray[np.float64] | None,
+    split_dissipators: bool,
+    shared_seconds: dict[str, float],
+) -> Segmentation:
+    """The walk and the dissipators at one time."""
     marks = [clock.perf_counter()]
     kernel = HeatKernel.from_spectrum(spectrum, standard_time)
     marks.append(clock.perf_counter())
@@ -187,11 +250,9 @@ def _at_time(faces, spectrum, standard_time, weights, split_dissipators, shared)
     excess = relative_entropy_excess(kernel, walk.labels, weights)
     labels = np.where(excess > 0, len(walk.exemplars), walk.labels)
     if split_dissipators:
-        edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        pieces = vertex_components(len(labels), edges[(excess[edges] > 0).all(axis=1)])[excess > 0]
-        labels[excess > 0] += np.unique(pieces, return_inverse=True)[1]
+        labels[excess > 0] += _dissipator_pieces(excess > 0, faces)
     marks.append(clock.perf_counter())
-    for_kernel, for_walk, for_dissipators = np.diff(marks).tolist()
+    kernel_seconds, walk_seconds, dissipator_seconds = np.diff(marks).tolist()
 
     return Segmentation(
         labels=labels,
@@ -206,17 +267,24 @@ def _at_time(faces, spectrum, standard_time, weights, split_dissipators, shared)
         standard_time=standard_time,
         fiedler_time=standard_time * spectrum.fiedler_value,
         seconds={
-            "operator": shared["operator"],
-            "spectrum": shared["spectrum"] + for_kernel,
-            "walk": for_walk,
-            "dissipators": for_dissipators,
+            "operator": shared_seconds["operator"],
+            "spectrum": shared_seconds["spectrum"] + kernel_seconds,
+            "walk": walk_seconds,
+            "dissipators": dissipator_seconds,
         },
         _weights=weights,
     )
 
 
-def faces_from_vertices(labels, faces):
-    """Labels of vertices carried to the faces: the label that two corners agree on, else the first corner's.
+def _dissipator_pieces(dissipates: NDArray[np.bool_], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The connected piece of each dissipating vertex, numbered 0, 1, 2 …"""
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    components = vertex_components(len(dissipates), edges[dissipates[edges].all(axis=1)])
+    return np.unique(components[dissipates], return_inverse=True)[1]
+
+
+def faces_from_vertices(labels: NDArray[np.int64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Transfer labels from vertices to faces: the label of at least two corners, otherwise that of the first corner.
 
     Parameters
     ----------
@@ -226,6 +294,11 @@ def faces_from_vertices(labels, faces):
     Returns
     -------
     (m,) int array
+
+    Examples
+    --------
+    >>> faces_from_vertices(np.array([0, 1, 1, 2]), np.array([[0, 1, 2], [0, 1, 3]]))
+    array([1, 0])
     """
     a, b, c = labels[faces.T]
     return np.where(b == c, b, a)

@@ -15,9 +15,8 @@ Examples
 >>> perturbed = perturb.Holes(amount=58)(sphere, np.random.default_rng(1))
 >>> len(sphere.faces) - len(perturbed.mesh.faces)
 58
->>> perturb.names()  # doctest: +NORMALIZE_WHITESPACE +ELLIPSIS
-['decimation', 'holes', 'missing_parts', 'normal_noise', 'scaling', 'short_circuits', 'shot_noise',
- ...'tessellation'...]
+>>> "holes" in perturb.names()
+True
 """
 
 from typing import TYPE_CHECKING

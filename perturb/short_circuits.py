@@ -106,9 +106,9 @@ class ShortCircuits(Perturbation):
                     break
         if len(placement.ends) < count:
             raise PerturbationError(
-                f"short_circuits: {count} tubes were requested, but only {len(placement.ends)} found with ends within "
-                f"{self.far / self.MIN_DETOUR:g} bounding-box diagonals in space and beyond {self.far:g} along the "
-                "edges; lower amount or far"
+                f"short_circuits: {count} tubes were requested, but only {len(placement.ends)} were found with ends "
+                f"within {self.far / self.MIN_DETOUR:g} bounding-box diagonals in space and beyond {self.far:g} along "
+                "the edges; lower amount or far"
             )
         return {
             "vertices": np.array(placement.ends, dtype=np.int64).reshape(-1, 2),

@@ -1,54 +1,87 @@
-"""``python -m studies.status [RESULTS]``: what is stored of every study, and which of them runs."""
+"""``python -m studies.status [RESULTS]``: what is stored of every study, and which of them are running."""
 
 import argparse
 import sys
-from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.table import Table
+from studies.storage import result_folders, summarize
 
-from studies.planning.trial import TIMINGS
-from studies.storage import store
+if TYPE_CHECKING:
+    from studies.storage.summary import FolderSummary
 
-STATES = ("ok", "failed", "timeout", "crashed")
-WIDTH = 130  # in characters, at least: a line that the terminal wraps is clearer than a cell that is
-HEADINGS = ("study", "planned", *STATES, "seconds", "when", "state")
-
-
-def status(folder):
-    """A line of the table of a results folder: a dict with the keys of ``HEADINGS``."""
-    rows = store.stored(folder)
-    planned = store.planned(folder) or rows.index
-    holder = store.holder(folder)
-    written = max(path.stat().st_mtime for path in (folder / store.ROWS, folder / store.TABLE) if path.exists())
-    counts = rows["status"].value_counts()
-    left = f"{len(planned) - len(rows):,} to go" if len(rows) < len(planned) else ""
-    return {
-        "planned": f"{len(planned):,}",
-        **{state: f"{counts.get(state, 0):,}" for state in STATES},
-        "seconds": f"{rows[list(TIMINGS)].sum(axis=None):,.0f}",
-        "when": datetime.fromtimestamp(written).isoformat(" ", "minutes"),
-        "state": f"runs: {holder}" if holder else left,
-    }
+STATUSES = ("ok", "failed", "timeout", "crashed")
+HEADINGS = ("study", "planned", *STATUSES, "seconds", "last written", "state")
+CAPTION = "seconds: time that perturbing and segmenting took in all trials together"
 
 
-def main(arguments=None):
-    parser = argparse.ArgumentParser(prog="studies.status", description=__doc__.split("\n\n")[0])
+def cells(name: str, summary: "FolderSummary") -> tuple[str, ...]:
+    """The line of the table for a results folder: a text for each of ``HEADINGS``.
+
+    Parameters
+    ----------
+    name : str
+        how the folder is called
+    summary : FolderSummary
+        what it contains
+    """
+    return (
+        name,
+        f"{summary.n_planned:,}",
+        *(f"{summary.statuses[status]:,}" for status in STATUSES),
+        f"{summary.seconds:,.0f}",
+        summary.written.isoformat(" ", "minutes"),
+        _state(summary),
+    )
+
+
+def _state(summary: "FolderSummary") -> str:
+    if summary.holder:
+        return f"running: {summary.holder}"
+    return f"{summary.n_missing:,} to go" if summary.n_missing > 0 else ""
+
+
+def print_table(lines: list[tuple[str, ...]]) -> None:
+    """Print lines as a table whose cells are never cut.
+
+    It is as wide as it has to be: a line that the terminal wraps can be read, a number that is cut cannot.
+    """
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(caption=CAPTION)
+    for heading in HEADINGS:
+        table.add_column(heading, justify="left" if heading in ("study", "state") else "right", no_wrap=True)
+    for line in lines:
+        table.add_row(*map(Text, line))
+    console = Console()
+    width = console.width
+    console.width = 100_000  # or the measure would be limited by the terminal
+    console.width = max(width, console.measure(table).maximum)
+    console.print(table)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command; returns its exit code."""
+    parser = argparse.ArgumentParser(prog="studies.status", description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("results", nargs="?", type=Path, default=Path("results"), help="folder (default: results)")
     results = parser.parse_args(arguments).results
-    folders = store.folders(results)
+    folders = result_folders(results)
     if not folders:
-        print(f"studies.status: error: there are no rows of a study under {results}", file=sys.stderr)
+        print(f"studies.status: error: no results of a study in {results}", file=sys.stderr)
         return 2
-    table = Table(caption="seconds: of perturbing and segmenting, in all trials together")
-    for heading in HEADINGS:
-        table.add_column(heading, justify="left" if heading in ("study", "state") else "right", overflow="fold")
+    lines, unreadable = [], []
     for folder in folders:
-        table.add_row(folder.relative_to(results).as_posix(), *(status(folder)[key] for key in HEADINGS[1:]))
-    console = Console()
-    console.width = max(console.width, WIDTH)
-    console.print(table)
+        name = folder.relative_to(results).as_posix()
+        try:
+            lines.append(cells(name, summarize(folder)))
+        except (ValueError, OSError) as error:
+            unreadable.append(f"{name}: cannot be read: {' '.join(str(error).split())}")
+    if lines:
+        print_table(lines)
+    for line in unreadable:
+        print(line)
     return 0
 
 

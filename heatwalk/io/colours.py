@@ -41,7 +41,7 @@ def label_colours(labels: ArrayLike, dissipator: int | None = None) -> NDArray[n
     >>> from heatwalk.io import label_colours
     >>> label_colours([0, 20, 1], dissipator=1)
     array([[230,  25,  75, 255],
-           [161,  17,  52, 255],
+           [161,  18,  52, 255],
            [175, 175, 175, 255]], dtype=uint8)
     """
     labels = np.asarray(labels)

@@ -1,187 +1,257 @@
-"""Sparse Cholesky factorisation of a matrix on a mesh, in dense panels: one panel a separator of nested dissection."""
+"""Sparse Cholesky factorisation in dense panels, one panel per piece of the nested dissection.
+
+A - shift I = L Lᵀ. The columns of L that belong to one piece J form a panel: D, the square block on the diagonal, above
+F, the block below it reduced to its non-zero rows R(J). A panel stores [D⁻¹; F D⁻¹] column by column, so that a step of
+a substitution is a single product with the panel.
+
+    symbolic factorisation                                                            `_panel_rows`
+        for each piece J in order of elimination:
+            R(J) = rows below J in the columns J of A, and in R(C) of each child C of J
+            parent of J = the piece that contains the first row of R(J)
+
+    numeric factorisation, right-looking                                              `_factorise`
+        for each piece J in order of elimination:
+            add the columns J of A - shift I to the panel                             `_add_matrix_columns`
+            D Dᵀ = block on the diagonal; F = block below it D⁻ᵀ                      `_eliminate_narrow`,
+            store [D⁻¹; F D⁻¹] in the panel                                           `_eliminate_wide`
+            for each later piece K with columns in R(J):                              `_update_panels`
+                subtract the part of F Fᵀ in the columns K from the panel of K        `_subtract_narrow`,
+                                                                                      `_subtract_wide`
+    forward substitution: L y = x in place                                            `_substitute_forward`
+        for each piece J in order of elimination:
+            [x(J); z] = [D⁻¹; F D⁻¹] x(J);   x(R(J)) -= z
+
+    backward substitution: Lᵀ x = y in place                                          `_substitute_backward`
+        for each piece J in reverse order:
+            x(J) = [D⁻¹; F D⁻¹]ᵀ [x(J); -x(R(J))]
+
+Each stored number is read once per pass for two right-hand sides: the speed of memory is the limit.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from heatwalk.numerics.compilation import compiled
 
-# Panels of at most this many columns are eliminated by loops of our own, wider ones by LAPACK and BLAS.
-NARROW = 12
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
-# Pieces wider than this are cut into several panels: half of a panel's square block is zeros, stored and multiplied.
-WIDEST = 256
+# Panels of at most this many columns are eliminated by loops, wider ones by LAPACK and BLAS.
+MAX_NARROW_WIDTH = 12
 
-# Entries of the factor that are read ahead of the backward substitution. It goes from the last panel to the first, and
-# memory is a third as quick downwards as upwards: so a stretch is read upwards first, and then used from the cache.
-AHEAD = 2**15
+# Wider pieces are split into several panels: half of the square block of a panel is zeros, stored and multiplied.
+MAX_PANEL_WIDTH = 256
+
+# Entries of the factor that are read ahead of the backward substitution. It visits the panels from last to first, and
+# memory is about three times slower downwards than upwards: so a stretch is first read upwards, then used from cache.
+READ_AHEAD_ENTRIES = 2**15
+
+
+class Panels(NamedTuple):
+    """The panels of a factor and where they are.
+
+    starts : (p + 1,) int array, panel j has the columns starts[j] … starts[j + 1]
+    row_starts, rows : its rows below the diagonal block are rows[row_starts[j] : row_starts[j + 1]], ascending
+    entry_starts, entries : its numbers are entries[entry_starts[j] : entry_starts[j + 1]], column by column
+    """
+
+    starts: NDArray[np.int64]
+    row_starts: NDArray[np.int64]
+    rows: NDArray[np.int32]
+    entry_starts: NDArray[np.int64]
+    entries: NDArray[np.float64]
 
 
 class Cholesky:
-    """A - shift = L Lᵀ, symmetric positive definite, for solving with blocks of right-hand sides.
+    """A - shift I = L Lᵀ, symmetric positive definite, for solving blocks of right-hand sides.
 
     Parameters
     ----------
-    matrix : (n, n) scipy.sparse.csr_array, A in the order of elimination
-    starts : (p + 1,) int array, the pieces of that order (see ``nested_dissection``)
+    matrix : (n, n) scipy.sparse.csr_array
+        A, in the order of elimination
+    piece_starts : (p + 1,) int array
+        the pieces of that order (see `heatwalk.numerics.dissection.nested_dissection`)
     shift : float
 
-    Notes
-    -----
-    A panel holds the columns of one piece J: with D the square block of L on its diagonal and F the block below it,
-    reduced to the rows that are not zero, it stores D⁻¹ above F D⁻¹. A step of a substitution is then a single product
-    with the panel, forwards [D⁻¹; F D⁻¹] x, backwards its transpose: each stored number is read once a pass for all
-    right-hand sides, and memory's speed is the limit.
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        if A - shift I is not positive definite
     """
 
-    def __init__(self, matrix, starts, shift=0.0):
-        self._starts = starts = _cut(starts, WIDEST)
-        # One type, so that the loops are compiled once.
+    def __init__(self, matrix: "sp.csr_array", piece_starts: NDArray[np.int64], shift: float = 0.0) -> None:
+        starts = _split_wide_pieces(piece_starts, MAX_PANEL_WIDTH)
+        # A single index type, so that the loops are compiled once.
         indptr, indices = (array.astype(np.int32, copy=False) for array in (matrix.indptr, matrix.indices))
-        self._row_starts, self._rows = _rows_of_panels(indptr, indices, starts)
+        row_starts, rows = _panel_rows(indptr, indices, starts)
         widths = np.diff(starts)
-        self._panel_starts = np.append(0, np.cumsum(widths * (widths + np.diff(self._row_starts))))
-        self._panels = np.zeros(self._panel_starts[-1])
-        _factorise(
-            indptr, indices, matrix.data, shift, starts, self._row_starts, self._rows, self._panel_starts, self._panels
-        )
+        entry_starts = np.append(0, np.cumsum(widths * (widths + np.diff(row_starts))))
+        self._panels = Panels(starts, row_starts, rows, entry_starts, np.zeros(entry_starts[-1]))
+        _factorise(indptr, indices, matrix.data, shift, self._panels)
 
-    def solve(self, block):
-        """(A - shift)⁻¹ ``block``: (n, k) float array, in Fortran order."""
-        sides = block.shape[1]
-        x = np.zeros((sides + sides % 2, len(block)))
-        x[:sides] = block.T
-        _substitute(x, self._starts, self._row_starts, self._rows, self._panel_starts, self._panels)
-        return x[:sides].T
+    @property
+    def n_entries(self) -> int:
+        """Numbers stored in the panels."""
+        return len(self._panels.entries)
+
+    def solve(self, block: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(A - shift I)⁻¹ ``block``: (n, k) float array in Fortran order."""
+        n_sides = block.shape[1]
+        x = np.zeros((n_sides + n_sides % 2, len(block)))
+        x[:n_sides] = block.T
+        _substitute_forward(x, self._panels)
+        _substitute_backward(x, self._panels)
+        return x[:n_sides].T
 
 
-def _cut(starts, widest):
-    """``starts`` of the same pieces, those wider than ``widest`` in as many even ones as it takes."""
-    parts = -(-np.diff(starts) // widest)
-    part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    width = np.repeat(np.diff(starts), parts)
-    return np.append(np.repeat(starts[:-1], parts) + part * width // np.repeat(parts, parts), starts[-1])
+def _split_wide_pieces(starts: NDArray[np.int64], max_width: int) -> NDArray[np.int64]:
+    """The starts of the same pieces, those wider than ``max_width`` split evenly into as few as possible."""
+    n_parts = -(-np.diff(starts) // max_width)
+    part = np.arange(n_parts.sum()) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)
+    width = np.repeat(np.diff(starts), n_parts)
+    return np.append(np.repeat(starts[:-1], n_parts) + part * width // np.repeat(n_parts, n_parts), starts[-1])
 
 
 @compiled
-def _piece_of(starts):
-    piece = np.empty(starts[-1], np.int64)
+def _panel_of_columns(starts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The panel of each column: (n,) int array."""
+    panel_of = np.empty(starts[-1], np.int64)
     for j in range(len(starts) - 1):
-        piece[starts[j] : starts[j + 1]] = j
-    return piece
+        panel_of[starts[j] : starts[j + 1]] = j
+    return panel_of
+
+
+# --- symbolic factorisation
 
 
 @compiled
-def _rows_of_panels(indptr, indices, starts):
-    """For each piece the rows below its diagonal block in which L is not zero, ascending: ranges, and rows."""
-    n_pieces = len(starts) - 1
-    piece = _piece_of(starts)
-    met = np.full(starts[-1], -1)
-    first_child, next_child = np.full(n_pieces, -1), np.full(n_pieces, -1)
-    row_starts = np.zeros(n_pieces + 1, np.int64)
+def _panel_rows(
+    indptr: NDArray[np.int32], indices: NDArray[np.int32], starts: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """The non-zero rows of L below the diagonal block of each panel, ascending: row_starts and rows of `Panels`."""
+    n_panels = len(starts) - 1
+    panel_of = _panel_of_columns(starts)
+    last_panel = np.full(starts[-1], -1)  # the last panel to which each row was added
+    first_child, next_sibling = np.full(n_panels, -1), np.full(n_panels, -1)
+    row_starts = np.zeros(n_panels + 1, np.int64)
     rows = np.empty(8 * starts[-1], np.int32)
-    for j in range(n_pieces):
+    for j in range(n_panels):
         begin = end = row_starts[j]
-        # The matrix's own entries, and what the pieces left over whose first row is in this one.
         for column in range(starts[j], starts[j + 1]):
-            if end + indptr[column + 1] - indptr[column] > len(rows):
-                rows = np.concatenate((rows, np.empty(len(rows), np.int32)))
-            for row in indices[indptr[column] : indptr[column + 1]]:
-                if row >= starts[j + 1] and met[row] != j:
-                    met[row] = j
-                    rows[end] = row
-                    end += 1
+            column_rows = indices[indptr[column] : indptr[column + 1]]
+            rows = _reserve(rows, end + len(column_rows))
+            end = _append_new_rows(column_rows, starts[j + 1], j, last_panel, rows, end)
         child = first_child[j]
         while child >= 0:
-            if end + row_starts[child + 1] - row_starts[child] > len(rows):
-                rows = np.concatenate((rows, np.empty(len(rows), np.int32)))
-            for i in range(row_starts[child], row_starts[child + 1]):
-                row = rows[i]
-                if row >= starts[j + 1] and met[row] != j:
-                    met[row] = j
-                    rows[end] = row
-                    end += 1
-            child = next_child[child]
+            rows = _reserve(rows, end + row_starts[child + 1] - row_starts[child])
+            child_rows = rows[row_starts[child] : row_starts[child + 1]]
+            end = _append_new_rows(child_rows, starts[j + 1], j, last_panel, rows, end)
+            child = next_sibling[child]
         rows[begin:end].sort()
         row_starts[j + 1] = end
         if end > begin:
-            parent = piece[rows[begin]]
-            next_child[j] = first_child[parent]
+            parent = panel_of[rows[begin]]
+            next_sibling[j] = first_child[parent]
             first_child[parent] = j
     return row_starts, rows[: row_starts[-1]].copy()
 
 
 @compiled
-def _factorise(indptr, indices, data, shift, starts, row_starts, rows, panel_starts, panels):
-    """Put the panels, one behind the other, into ``panels``, which is zero."""
-    n_pieces = len(starts) - 1
-    piece = _piece_of(starts)
-    place = np.empty(starts[-1], np.int64)
-    tallest = np.diff(row_starts).max()
-    fronts, work = np.empty((NARROW, tallest)), np.empty(tallest)
-
-    for j in range(n_pieces):
-        start, width = starts[j], starts[j + 1] - starts[j]
-        below = rows[row_starts[j] : row_starts[j + 1]]
-        # Column after column: a row of ``panel`` is a column of L, without the zeros.
-        panel = panels[panel_starts[j] : panel_starts[j + 1]].reshape(width, width + len(below))
-        for i in range(len(below)):
-            place[below[i]] = width + i
-        for column in range(start, start + width):
-            panel[column - start, column - start] -= shift
-            for i in range(indptr[column], indptr[column + 1]):
-                row = indices[i]
-                if row >= start + width:
-                    panel[column - start, place[row]] += data[i]
-                elif row >= column:
-                    panel[column - start, row - start] += data[i]
-
-        if width <= NARROW:
-            lower = fronts[:width, : len(below)]
-            _eliminate(panel, lower)
-        else:
-            inverse = np.linalg.inv(np.linalg.cholesky(panel[:, :width].copy().T))
-            lower = np.dot(inverse, panel[:, width:].copy())  # Fᵀ
-            panel[:, :width] = inverse.T
-            panel[:, width:] = np.dot(inverse.T, lower)
-
-        # The update F Fᵀ goes straight to the panels of the pieces that its columns are in.
-        i = 0
-        while i < len(below):
-            k = piece[below[i]]
-            k_start, k_width = starts[k], starts[k + 1] - starts[k]
-            k_below = rows[row_starts[k] : row_starts[k + 1]]
-            target = panels[panel_starts[k] : panel_starts[k + 1]].reshape(k_width, k_width + len(k_below))
-            end = i
-            while end < len(below) and below[end] < k_start + k_width:
-                place[end] = below[end] - k_start
-                end += 1
-            at = 0
-            for m in range(end, len(below)):
-                while k_below[at] != below[m]:
-                    at += 1
-                place[m] = k_width + at
-            if width > NARROW:
-                update = np.dot(lower[:, i:end].copy().T, lower[:, i:].copy())
-                for row in range(end - i):
-                    line = target[below[i + row] - k_start]
-                    for m in range(row, len(below) - i):
-                        line[place[i + m]] -= update[row, m]
-            else:
-                for row in range(i, end):
-                    product = work[: len(below) - row]
-                    product[:] = 0
-                    for column in range(width):
-                        factor, source = lower[column, row], lower[column, row:]
-                        for m in range(len(product)):
-                            product[m] += factor * source[m]
-                    line, places = target[below[row] - k_start], place[row : len(below)]
-                    for m in range(len(product)):
-                        line[places[m]] -= product[m]
-            i = end
+def _reserve(rows: NDArray[np.int32], size: int) -> NDArray[np.int32]:
+    """An array with the same contents and room for at least ``size`` (or twice its) entries."""
+    if size > len(rows):
+        return np.concatenate((rows, np.empty(len(rows), np.int32)))
+    return rows
 
 
 @compiled
-def _eliminate(panel, lower):
-    """Put D⁻¹ above F D⁻¹ in place of a few columns of the matrix in ``panel``, and Fᵀ into ``lower``."""
+def _append_new_rows(
+    candidates: NDArray[np.int32],
+    panel_end: int,
+    panel: int,
+    last_panel: NDArray[np.int64],
+    rows: NDArray[np.int32],
+    end: int,
+) -> int:
+    """Append the rows from ``panel_end`` on that the panel does not have yet at ``end``; returns the new end."""
+    for row in candidates:
+        if row >= panel_end and last_panel[row] != panel:
+            last_panel[row] = panel
+            rows[end] = row
+            end += 1
+    return end
+
+
+# --- numeric factorisation
+
+
+@compiled
+def _panel(panels: Panels, j: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Panel j, (width, width + rows below): row i is column i of [D; F]; and its rows below the diagonal block."""
+    below = panels.rows[panels.row_starts[j] : panels.row_starts[j + 1]]
+    width = panels.starts[j + 1] - panels.starts[j]
+    entries = panels.entries[panels.entry_starts[j] : panels.entry_starts[j + 1]]
+    return entries.reshape(width, width + len(below)), below
+
+
+@compiled
+def _factorise(
+    indptr: NDArray[np.int32], indices: NDArray[np.int32], data: NDArray[np.float64], shift: float, panels: Panels
+) -> None:
+    """Fill the panels, whose entries are zero."""
+    panel_of = _panel_of_columns(panels.starts)
+    position = np.empty(panels.starts[-1], np.int64)
+    max_below = np.diff(panels.row_starts).max()
+    buffer, work = np.empty((MAX_NARROW_WIDTH, max_below)), np.empty(max_below)
+    for j in range(len(panels.starts) - 1):
+        panel, below = _panel(panels, j)
+        _add_matrix_columns(indptr, indices, data, shift, panels.starts[j], panel, below, position)
+        if len(panel) <= MAX_NARROW_WIDTH:
+            lower = buffer[: len(panel), : len(below)]
+            _eliminate_narrow(panel, lower)
+        else:
+            lower = _eliminate_wide(panel)
+        _update_panels(panels, panel_of, lower, below, position, work)
+
+
+@compiled
+def _add_matrix_columns(
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    data: NDArray[np.float64],
+    shift: float,
+    start: int,
+    panel: NDArray[np.float64],
+    below: NDArray[np.int32],
+    position: NDArray[np.int64],
+) -> None:
+    """Add the columns of A - shift I, on and below the diagonal, from ``start`` on to their panel."""
+    width = len(panel)
+    for i in range(len(below)):
+        position[below[i]] = width + i
+    for column in range(start, start + width):
+        panel[column - start, column - start] -= shift
+        for i in range(indptr[column], indptr[column + 1]):
+            row = indices[i]
+            if row >= start + width:
+                panel[column - start, position[row]] += data[i]
+            elif row >= column:
+                panel[column - start, row - start] += data[i]
+
+
+@compiled
+def _eliminate_narrow(panel: NDArray[np.float64], lower: NDArray[np.float64]) -> None:
+    """Replace a panel of A by [D⁻¹; F D⁻¹], and put Fᵀ into ``lower``; for a few columns."""
+    _cholesky_columns(panel)
+    lower[:] = panel[:, len(panel) :]
+    _multiply_by_inverse(panel)
+
+
+@compiled
+def _cholesky_columns(panel: NDArray[np.float64]) -> None:
+    """Replace a panel of A by [D; F], column by column."""
     width = len(panel)
     for column in range(width):
         line = panel[column, column:]
@@ -194,8 +264,12 @@ def _eliminate(panel, lower):
             factor, source, target = panel[column, other], panel[column, other:], panel[other, other:]
             for i in range(len(target)):
                 target[i] -= factor * source[i]
-    lower[:] = panel[:, width:]
-    # Times D⁻¹, from the last column to the first: each is a combination of those behind it.
+
+
+@compiled
+def _multiply_by_inverse(panel: NDArray[np.float64]) -> None:
+    """Replace [D; F] by [D⁻¹; F D⁻¹], from the last column to the first: each is a combination of those after it."""
+    width = len(panel)
     for column in range(width - 1, -1, -1):
         scale = 1 / panel[column, column]
         panel[column, column] = 1
@@ -210,37 +284,135 @@ def _eliminate(panel, lower):
 
 
 @compiled
-def _substitute(x, starts, row_starts, rows, panel_starts, panels):
-    """Both substitutions in place, on the rows of x, two at a time: their number is even."""
-    n_pieces = len(starts) - 1
-    work = np.empty((2, (np.diff(starts) + np.diff(row_starts)).max()))
-    for j in range(n_pieces):
-        start, stop = starts[j], starts[j + 1]
-        below = rows[row_starts[j] : row_starts[j + 1]]
-        width, height = stop - start, stop - start + len(below)
-        panel = panels[panel_starts[j] : panel_starts[j + 1]].reshape(width, height)
-        one, two = work[0, :height], work[1, :height]
+def _eliminate_wide(panel: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Replace a panel of A by [D⁻¹; F D⁻¹] and return Fᵀ; for many columns."""
+    width = len(panel)
+    inverse = np.linalg.inv(np.linalg.cholesky(panel[:, :width].copy().T))
+    lower = np.dot(inverse, panel[:, width:].copy())
+    panel[:, :width] = inverse.T
+    panel[:, width:] = np.dot(inverse.T, lower)
+    return lower
+
+
+@compiled
+def _update_panels(
+    panels: Panels,
+    panel_of: NDArray[np.int64],
+    lower: NDArray[np.float64],
+    below: NDArray[np.int32],
+    position: NDArray[np.int64],
+    work: NDArray[np.float64],
+) -> None:
+    """Subtract F Fᵀ from the panels that contain the columns ``below``; ``lower`` is Fᵀ."""
+    first = 0
+    while first < len(below):
+        k = panel_of[below[first]]
+        target, target_below = _panel(panels, k)
+        last = _locate_rows(below, first, panels.starts[k], panels.starts[k + 1], target_below, position)
+        if len(lower) > MAX_NARROW_WIDTH:
+            _subtract_wide(lower, first, last, position, target)
+        else:
+            _subtract_narrow(lower, first, last, position, target, work)
+        first = last
+
+
+@compiled
+def _locate_rows(
+    below: NDArray[np.int32],
+    first: int,
+    target_start: int,
+    target_end: int,
+    target_below: NDArray[np.int32],
+    position: NDArray[np.int64],
+) -> int:
+    """Put the positions of the rows below[first:] in a target panel into ``position``[first:].
+
+    Returns the end of those that are columns of the target.
+    """
+    last = first
+    while last < len(below) and below[last] < target_end:
+        position[last] = below[last] - target_start
+        last += 1
+    at, width = 0, target_end - target_start
+    for i in range(last, len(below)):
+        while target_below[at] != below[i]:
+            at += 1
+        position[i] = width + at
+    return last
+
+
+@compiled
+def _subtract_wide(
+    lower: NDArray[np.float64], first: int, last: int, position: NDArray[np.int64], target: NDArray[np.float64]
+) -> None:
+    """Subtract the columns first … last of F Fᵀ from a panel, as one matrix product."""
+    update = np.dot(lower[:, first:last].copy().T, lower[:, first:].copy())
+    for row in range(last - first):
+        line = target[position[first + row]]
+        for i in range(row, update.shape[1]):
+            line[position[first + i]] -= update[row, i]
+
+
+@compiled
+def _subtract_narrow(
+    lower: NDArray[np.float64],
+    first: int,
+    last: int,
+    position: NDArray[np.int64],
+    target: NDArray[np.float64],
+    work: NDArray[np.float64],
+) -> None:
+    """Subtract the columns first … last of F Fᵀ from a panel, one column at a time."""
+    width, n_below = lower.shape
+    for row in range(first, last):
+        product = work[: n_below - row]
+        product[:] = 0
+        for column in range(width):
+            factor, source = lower[column, row], lower[column, row:]
+            for i in range(len(product)):
+                product[i] += factor * source[i]
+        line, positions = target[position[row]], position[row:n_below]
+        for i in range(len(product)):
+            line[positions[i]] -= product[i]
+
+
+# --- substitution. The rows of x are the right-hand sides. Their number is even: two at a time share a pass over the
+# panels. (Loops over two or four columns of a panel at a time are slower.)
+
+
+@compiled
+def _substitute_forward(x: NDArray[np.float64], panels: Panels) -> None:
+    """L⁻¹ on each row of x, in place."""
+    work = np.empty((2, (np.diff(panels.starts) + np.diff(panels.row_starts)).max()))
+    for j in range(len(panels.starts) - 1):
+        panel, below = _panel(panels, j)
+        start, width = panels.starts[j], len(panel)
+        one, two = work[0, : panel.shape[1]], work[1, : panel.shape[1]]
         one_below, two_below = one[width:], two[width:]
         for side in range(0, len(x), 2):
             x_one, x_two = x[side], x[side + 1]
-            _multiply(panel, x_one[start:stop], x_two[start:stop], one, two)
+            _multiply(panel, x_one[start : start + width], x_two[start : start + width], one, two)
             for i in range(width):
                 x_one[start + i] = one[i]
                 x_two[start + i] = two[i]
             for i in range(len(below)):
                 x_one[below[i]] -= one_below[i]
                 x_two[below[i]] -= two_below[i]
-    read, total = panel_starts[n_pieces], 0.0
-    for j in range(n_pieces - 1, -1, -1):
-        if panel_starts[j] < read:
-            begin = max(0, min(panel_starts[j], read - AHEAD))
-            total += _sum(panels[begin:read])
-            read = begin
-        start, stop = starts[j], starts[j + 1]
-        below = rows[row_starts[j] : row_starts[j + 1]]
-        width, height = stop - start, stop - start + len(below)
-        panel = panels[panel_starts[j] : panel_starts[j + 1]].reshape(width, height)
-        one, two = work[0, :height], work[1, :height]
+
+
+@compiled
+def _substitute_backward(x: NDArray[np.float64], panels: Panels) -> float:
+    """L⁻ᵀ on each row of x, in place; the result is only there to keep the reading ahead from being optimised away."""
+    work = np.empty((2, (np.diff(panels.starts) + np.diff(panels.row_starts)).max()))
+    read_from, total = panels.entry_starts[-1], 0.0
+    for j in range(len(panels.starts) - 2, -1, -1):
+        if panels.entry_starts[j] < read_from:
+            begin = max(0, min(panels.entry_starts[j], read_from - READ_AHEAD_ENTRIES))
+            total += _sum(panels.entries[begin:read_from])
+            read_from = begin
+        panel, below = _panel(panels, j)
+        start, width = panels.starts[j], len(panel)
+        one, two = work[0, : panel.shape[1]], work[1, : panel.shape[1]]
         one_below, two_below = one[width:], two[width:]
         for side in range(0, len(x), 2):
             x_one, x_two = x[side], x[side + 1]
@@ -250,23 +422,27 @@ def _substitute(x, starts, row_starts, rows, panel_starts, panels):
             for i in range(len(below)):
                 one_below[i] = -x_one[below[i]]
                 two_below[i] = -x_two[below[i]]
-            _multiply_transposed(panel, one, two, x_one[start:stop], x_two[start:stop])
-    return total  # of no use but that the entries have to be read for it
+            _multiply_transposed(panel, one, two, x_one[start : start + width], x_two[start : start + width])
+    return total
 
 
 @compiled
-def _sum(entries):
+def _sum(entries: NDArray[np.float64]) -> float:
+    """Sum of an array: reads it into the cache."""
     total = 0.0
     for i in range(len(entries)):
         total += entries[i]
     return total
 
 
-# One loop for both sides: each entry is read once. (Two or four columns in one loop are slower.)
-
-
 @compiled
-def _multiply(panel, x_one, x_two, one, two):
+def _multiply(
+    panel: NDArray[np.float64],
+    x_one: NDArray[np.float64],
+    x_two: NDArray[np.float64],
+    one: NDArray[np.float64],
+    two: NDArray[np.float64],
+) -> None:
     """Put ``panel``.T @ x into ``one`` and ``two``."""
     one[:] = 0
     two[:] = 0
@@ -278,7 +454,13 @@ def _multiply(panel, x_one, x_two, one, two):
 
 
 @compiled
-def _multiply_transposed(panel, one, two, x_one, x_two):
+def _multiply_transposed(
+    panel: NDArray[np.float64],
+    one: NDArray[np.float64],
+    two: NDArray[np.float64],
+    x_one: NDArray[np.float64],
+    x_two: NDArray[np.float64],
+) -> None:
     """Put ``panel`` @ ``one`` and ``two`` into x."""
     for column in range(len(panel)):
         line = panel[column]

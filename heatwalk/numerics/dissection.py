@@ -1,22 +1,49 @@
-"""Elimination order for the sparse factorisation of a matrix on a mesh: nested dissection by breadth-first levels."""
+"""Elimination order for the sparse factorisation of a matrix on a mesh: nested dissection by breadth-first levels.
+
+    todo = [all vertices but the hubs]
+    while todo:
+        S = a subset from todo
+        if S is small: S is a piece of the order
+        levels of S: breadth-first search from a vertex at one of its ends           `_breadth_first_levels`
+        separator: the level of least isoperimetric ratio that is not lopsided       `_choose_separator`
+        reduced to its vertices with a neighbour in the next level                   `_place_separator`
+        the separator is a piece, eliminated after all other vertices of S
+        todo += [the vertices before the separator, the vertices after it]
+    the hubs are the last pieces
+
+On a surface the levels are geodesic circles, and the level of least isoperimetric ratio (its length over the square
+root of the smaller area that it bounds) is usually where a limb begins. Compared with the thinnest level near the
+middle, this choice saves a fifth of the entries of the factor and half of its arithmetic.
+
+References
+----------
+A. George, "Nested dissection of a regular finite element mesh", 1973, doi:10.1137/0710032;
+A. George and J. W. H. Liu, 1978, doi:10.1137/0715069 (levels of a pseudo-peripheral vertex).
+"""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from heatwalk.numerics.compilation import compiled
 
-# Subsets of at most this many vertices are no longer cut.
-LEAF = 16
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
-# Either side of a separator holds at least this share of the subset.
-LEAST_SHARE = 0.15
+# Subsets of at most this many vertices are not cut further.
+LEAF_SIZE = 16
 
-# Vertices with more than this times √n neighbours are eliminated last: the hub of a fan, before its rim, would couple
-# every vertex of the rim with every other. (The rule of AMD, the usual minimum-degree ordering.)
-HUB = 10
+# Either side of a separator has at least this share of the subset.
+MIN_SHARE = 0.15
+
+# Vertices with more than this times √n neighbours are eliminated last: if the hub of a fan were eliminated before its
+# rim, it would couple every vertex of the rim with every other. (The rule of AMD, the usual minimum-degree ordering.)
+HUB_DEGREE = 10
 
 
-def nested_dissection(matrix):
-    """Order in which to eliminate the rows of a sparse symmetric matrix, and the pieces it is made of.
+def nested_dissection(matrix: "sp.csr_array") -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Order in which to eliminate the rows of a sparse symmetric matrix, and the pieces of that order.
 
     Parameters
     ----------
@@ -24,113 +51,182 @@ def nested_dissection(matrix):
 
     Returns
     -------
-    order : (n,) int array of rows, first to last
-    starts : (p + 1,) int array, 0 … n: separators and what is left between them, as ranges of ``order``
+    order : (n,) int array
+        rows, first to last
+    starts : (p + 1,) int array, 0 … n
+        piece i, a separator or a set of vertices between separators, is ``order[starts[i]:starts[i + 1]]``
 
-    Notes
-    -----
-    A set of vertices is laid out in breadth-first levels from a vertex at one of its ends. A level
-    separates what is before it from what is behind it; it is eliminated after both, and each of them is cut in the
-    same way (Alan George, "Nested dissection of a regular finite element mesh", 1973, doi:10.1137/0710032; levels of
-    a pseudo-peripheral vertex: George and Liu, 1978, doi:10.1137/0715069). On a surface the levels are geodesic
-    circles. The one of least isoperimetric ratio is taken, its length over the square root of the smaller area it
-    bounds: as a rule where a limb begins. Against the thinnest of the levels near the middle, that takes a fifth of the
-    factor's entries away and half of its arithmetic.
+    Examples
+    --------
+    >>> import scipy.sparse as sp
+    >>> path = sp.diags_array([1.0, 1.0], offsets=[-1, 1], shape=(40, 40)).tocsr()
+    >>> order, starts = nested_dissection(path)
+    >>> sorted(order.tolist()) == list(range(40)), np.diff(starts).tolist()
+    (True, [8, 10, 1, 9, 10, 1, 1])
     """
     n = matrix.shape[0]
-    hub = np.diff(matrix.indptr) > HUB * np.sqrt(n)
-    indptr, indices = matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)  # one type, compiled once
-    order, begins = _nested_dissection(indptr, indices, np.flatnonzero(~hub))
-    starts = np.flatnonzero(np.concatenate([begins, np.ones(hub.sum() + 1, dtype=bool)]))
-    return np.concatenate([order, np.flatnonzero(hub)]), starts
+    is_hub = np.diff(matrix.indptr) > HUB_DEGREE * np.sqrt(n)
+    # A single index type, so that the loops are compiled once.
+    indptr, indices = matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)
+    order, begins_piece = _dissect(indptr, indices, np.flatnonzero(~is_hub))
+    starts = np.flatnonzero(np.concatenate([begins_piece, np.ones(is_hub.sum() + 1, dtype=bool)]))
+    return np.concatenate([order, np.flatnonzero(is_hub)]), starts
 
 
 @compiled
-def _nested_dissection(indptr, indices, vertices):
+def _dissect(
+    indptr: NDArray[np.int32], indices: NDArray[np.int32], vertices: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Order of the vertices, and whether a piece begins at each position of it; overwrites ``vertices``."""
     n = len(vertices)
     order = np.empty(n, np.int64)
-    begins = np.zeros(n, np.bool_)  # where in the order a piece begins
+    begins_piece = np.zeros(n, np.bool_)
     queue = np.empty(n, np.int64)
-    level_end = np.empty(n, np.int64)
-    subset = np.full(len(indptr) - 1, -1)  # the subset that a vertex is in
-    seen = np.full(len(indptr) - 1, -1)  # the search that last met a vertex
+    level_ends = np.empty(n, np.int64)
+    subset_of = np.full(len(indptr) - 1, -1)  # the subset that each vertex is in
+    seen_by = np.full(len(indptr) - 1, -1)  # the last search that met each vertex
     n_subsets = n_searches = 0
-    todo = [(0, n, n)]  # a subset as a range of ``vertices``, and the place in the order where it ends
+    todo = [(0, n, n)]  # subsets as ranges of ``vertices``, each with the position in the order where it ends
     while len(todo) > 0:
-        start, stop, place = todo.pop()
+        start, stop, position = todo.pop()
         size = stop - start
-        if size <= LEAF:
-            order[place - size : place] = vertices[start:stop]
-            begins[place - size] = True
+        if size <= LEAF_SIZE:
+            order[position - size : position] = vertices[start:stop]
+            begins_piece[position - size] = True
             continue
 
         for i in range(start, stop):
-            subset[vertices[i]] = n_subsets
-        # Twice: the last vertex that the first search meets lies at an end.
-        root = vertices[start]
+            subset_of[vertices[i]] = n_subsets
         n_levels = 0
-        for _ in range(2):
-            n_levels, head, tail, candidate = 0, start, start, start
-            while tail < stop:
-                seen[root] = n_searches
-                queue[tail] = root
-                tail += 1
-                while head < tail:
-                    end = tail
-                    while head < end:
-                        vertex = queue[head]
-                        head += 1
-                        for j in range(indptr[vertex], indptr[vertex + 1]):
-                            other = indices[j]
-                            if subset[other] == n_subsets and seen[other] != n_searches:
-                                seen[other] = n_searches
-                                queue[tail] = other
-                                tail += 1
-                    level_end[n_levels] = end
-                    n_levels += 1
-                if tail < stop:  # the subset is in several pieces: on to the next
-                    while seen[vertices[candidate]] == n_searches:
-                        candidate += 1
-                    root = vertices[candidate]
+        root = vertices[start]
+        for _ in range(2):  # the last vertex that the first search meets is at an end of the subset
+            n_levels = _breadth_first_levels(
+                indptr,
+                indices,
+                vertices,
+                start,
+                stop,
+                root,
+                n_subsets,
+                n_searches,
+                subset_of,
+                seen_by,
+                queue,
+                level_ends,
+            )
             n_searches += 1
             root = queue[stop - 1]
-
         n_subsets += 1
-        if n_levels == 1:  # a single vertex, or isolated ones: every order is the same
-            order[place - size : place] = queue[start:stop]
-            begins[place - size : place] = True
+        if n_levels == 1:  # a single vertex, or isolated ones: any order will do
+            order[position - size : position] = queue[start:stop]
+            begins_piece[position - size : position] = True
             continue
-        # Where no level leaves enough on both sides, the last but one.
-        chosen, least = n_levels - 2, np.inf
-        for level in range(n_levels - 1):
-            before = level_end[level] - start
-            width = before - (level_end[level - 1] - start if level > 0 else 0)
-            smaller = min(before, size - before)
-            if smaller >= LEAST_SHARE * size and width < least * np.sqrt(smaller):
-                chosen, least = level, width / np.sqrt(smaller)
 
-        first = level_end[chosen - 1] if chosen > 0 else start
-        behind, behind_end = level_end[chosen], level_end[chosen + 1]
-        for i in range(behind, behind_end):
-            subset[queue[i]] = n_subsets
+        level = _choose_separator(level_ends, n_levels, start, size)
+        first = level_ends[level - 1] if level > 0 else start
+        after = level_ends[level]
         vertices[start:stop] = queue[start:stop]
-        kept, n_cut = first, 0
-        for i in range(first, behind):
-            vertex = queue[i]
-            cuts = False
-            for j in range(indptr[vertex], indptr[vertex + 1]):
-                if subset[indices[j]] == n_subsets:
-                    cuts = True
-                    break
-            if cuts:
-                n_cut += 1
-                order[place - n_cut] = vertex
-                subset[vertex] = -1
-            else:
-                vertices[kept] = vertex
-                kept += 1
+        kept_end, n_cut = _place_separator(
+            indptr, indices, first, after, level_ends[level + 1], position, n_subsets, subset_of, queue, vertices, order
+        )
         n_subsets += 1
-        begins[place - n_cut : place - n_cut + min(n_cut, 1)] = True
-        todo.append((start, kept, place - n_cut - (stop - behind)))
-        todo.append((behind, stop, place - n_cut))
-    return order, begins
+        begins_piece[position - n_cut : position - n_cut + min(n_cut, 1)] = True
+        todo.append((start, kept_end, position - n_cut - (stop - after)))
+        todo.append((after, stop, position - n_cut))
+    return order, begins_piece
+
+
+@compiled
+def _breadth_first_levels(
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    vertices: NDArray[np.int64],
+    start: int,
+    stop: int,
+    root: int,
+    subset: int,
+    search: int,
+    subset_of: NDArray[np.int64],
+    seen_by: NDArray[np.int64],
+    queue: NDArray[np.int64],
+    level_ends: NDArray[np.int64],
+) -> int:
+    """Lay out a subset in breadth-first levels from ``root``, piece after piece if it is not connected.
+
+    Fills queue[start:stop] and the end of each level in it; returns the number of levels.
+    """
+    n_levels, head, tail, candidate = 0, start, start, start
+    while tail < stop:
+        seen_by[root] = search
+        queue[tail] = root
+        tail += 1
+        while head < tail:
+            end = tail
+            while head < end:
+                vertex = queue[head]
+                head += 1
+                for j in range(indptr[vertex], indptr[vertex + 1]):
+                    other = indices[j]
+                    if subset_of[other] == subset and seen_by[other] != search:
+                        seen_by[other] = search
+                        queue[tail] = other
+                        tail += 1
+            level_ends[n_levels] = end
+            n_levels += 1
+        if tail < stop:
+            while seen_by[vertices[candidate]] == search:
+                candidate += 1
+            root = vertices[candidate]
+    return n_levels
+
+
+@compiled
+def _choose_separator(level_ends: NDArray[np.int64], n_levels: int, start: int, size: int) -> int:
+    """The level of least isoperimetric ratio; the last but one if none leaves enough on both sides."""
+    chosen, least = n_levels - 2, np.inf
+    for level in range(n_levels - 1):
+        before = level_ends[level] - start
+        width = before - (level_ends[level - 1] - start if level > 0 else 0)
+        smaller = min(before, size - before)
+        if smaller >= MIN_SHARE * size and width < least * np.sqrt(smaller):
+            chosen, least = level, width / np.sqrt(smaller)
+    return chosen
+
+
+@compiled
+def _place_separator(
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    first: int,
+    after: int,
+    after_end: int,
+    position: int,
+    marker: int,
+    subset_of: NDArray[np.int64],
+    queue: NDArray[np.int64],
+    vertices: NDArray[np.int64],
+    order: NDArray[np.int64],
+) -> tuple[int, int]:
+    """Put the vertices of the level queue[first:after] with a neighbour in the next level at the end of the order.
+
+    The next level, queue[after:after_end], is marked by ``marker``. The other vertices of the level stay with those
+    before it, in vertices[first:]; returns the end of these, and the number of vertices put into the order.
+    """
+    for i in range(after, after_end):
+        subset_of[queue[i]] = marker
+    kept_end, n_cut = first, 0
+    for i in range(first, after):
+        vertex = queue[i]
+        is_cut = False
+        for j in range(indptr[vertex], indptr[vertex + 1]):
+            if subset_of[indices[j]] == marker:
+                is_cut = True
+                break
+        if is_cut:
+            n_cut += 1
+            order[position - n_cut] = vertex
+            subset_of[vertex] = -1
+        else:
+            vertices[kept_end] = vertex
+            kept_end += 1
+    return kept_end, n_cut

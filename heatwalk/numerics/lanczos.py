@@ -1,39 +1,72 @@
-"""Block Lanczos iteration with full reorthogonalisation."""
+"""Block Lanczos iteration with full reorthogonalisation.
+
+V = orthonormal basis of the start block                                          `_orthonormalise`
+repeat:
+    W = S times the last block of V
+    W = V C + Q R, with Q orthonormal and orthogonal to V                         `Basis.split`
+        take out the components in the last two blocks, which are all of them but for rounding
+        take out the components in all of V: once is then enough
+        orthonormalise the rest
+    extend the projection Vᵀ S V by C
+    yield V, Vᵀ S V, Q, R: the caller derives eigenpairs and their errors, and stops when satisfied
+    V = [V, Q]
+"""
+
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dtrsm
 
 from heatwalk.numerics.compilation import compiled
 
 # Blocks of the basis that are stored together.
-STORED_BLOCKS = 4
+BLOCKS_PER_CHUNK = 4
 
 # Rows of the basis that are combined at a time.
 STRIPE = 2**13
 
+Array = NDArray[np.float64]
 
-def lanczos(apply, start):
-    """Krylov space of a symmetric operator, step by step without end.
+
+def lanczos(apply: Callable[[Array], Array], start: Array) -> Iterator[tuple["Basis", Array, Array, Array]]:
+    """Build the Krylov space of a symmetric operator step by step, without end.
 
     Parameters
     ----------
-    apply : function from a (n, w) float array in Fortran order to the operator S times it, a new such array
-    start : (n, w) float array in Fortran order, w even; overwritten
+    apply : function
+        from an (n, w) float array in Fortran order to the operator S times it, a new such array
+    start : (n, w) float array in Fortran order
+        w even; overwritten
 
     Yields
     ------
-    basis : Basis of V, to which the caller may add ``rest`` only to end the iteration
-    projected : Vᵀ S V
-    rest, coupling : S V = V ``projected`` + ``rest`` @ ``coupling`` in the last block, with rest the next block
+    basis : Basis
+        V; the caller may append ``rest`` only if it then ends the iteration
+    projected : (p, p) float array
+        Vᵀ S V
+    rest : (n, w) float array
+        the next block: S V = V ``projected``, plus ``rest`` @ ``coupling`` in the last w columns
+    coupling : (w, w) float array
 
     Raises
     ------
     scipy.linalg.LinAlgError
-        where nothing is left: V holds all that the iteration ever reaches
+        if nothing remains: V contains everything that the iteration can reach
+
+    Examples
+    --------
+    >>> eigenvalues = 0.5 ** np.arange(40)
+    >>> start = np.asfortranarray(np.random.default_rng(0).standard_normal((40, 2)))
+    >>> iteration = lanczos(lambda block: np.asfortranarray(eigenvalues[:, None] * block), start)
+    >>> for _ in range(8):
+    ...     basis, projected, rest, coupling = next(iteration)
+    >>> np.allclose(np.linalg.eigvalsh(projected)[-3:], [0.25, 0.5, 1])
+    True
     """
     width = start.shape[1]
-    basis = Basis(_orthonormal(start)[0])
+    basis = Basis(_orthonormalise(start)[0])
     projected = np.empty((0, 0))
     while True:
         inner, rest, coupling = basis.split(apply(basis.last))
@@ -43,15 +76,23 @@ def lanczos(apply, start):
 
 
 class Basis:
-    """Orthonormal columns that come in blocks; the products with them."""
+    """Orthonormal columns that are added block by block, and products with them.
 
-    def __init__(self, block):
-        self._columns = STORED_BLOCKS * block.shape[1]
-        self._chunks, self._used = [], self._columns
-        self._blocks = []
+    Parameters
+    ----------
+    block : (n, w) float array
+        the first w columns, orthonormal
+    """
+
+    def __init__(self, block: Array) -> None:
+        self._columns = BLOCKS_PER_CHUNK * block.shape[1]
+        self._chunks: list[Array] = []
+        self._blocks: list[Array] = []
+        self._used = self._columns  # columns of the last chunk
         self.append(block)
 
-    def append(self, block):
+    def append(self, block: Array) -> None:
+        """Add a block of orthonormal columns, orthogonal to the present ones."""
         n, width = block.shape
         if self._used == self._columns:
             self._chunks.append(np.empty((n, self._columns), order="F"))
@@ -61,29 +102,32 @@ class Basis:
         self._used += width
 
     @property
-    def last(self):
+    def last(self) -> Array:
+        """The block added last."""
         return self._blocks[-1]
 
-    def _filled(self):
+    def _filled(self) -> list[Array]:
+        """The chunks, the last one as far as it is filled."""
         return [*self._chunks[:-1], self._chunks[-1][:, : self._used]]
 
-    def split(self, block):
+    def split(self, block: Array) -> tuple[Array, Array, Array]:
         """``block`` = basis @ inner + rest @ coupling, with rest orthonormal and orthogonal to the basis.
 
-        The image of the last block lies, but for rounding, in the last two blocks and the rest. These are taken out
-        first, so that rounding is small against what then remains, and once over the whole basis is enough.
+        The image of the last block is, but for rounding, in the span of the last two blocks and the rest. Their
+        components are removed first: rounding is then small relative to what remains, and a single pass over the whole
+        basis is enough.
         """
-        recent, block = _take_out(self._blocks[-2:], block)
-        inner, block = self.take_out(block)
+        recent, block = _remove_components(self._blocks[-2:], block)
+        inner, block = self.remove_components(block)
         inner[-len(recent) :] += recent
-        return inner, *_orthonormal(block)
+        return inner, *_orthonormalise(block)
 
-    def take_out(self, block):
-        """Coefficients of ``block`` in the basis, and what is left of it; overwrites it."""
-        return _take_out(self._filled(), block)
+    def remove_components(self, block: Array) -> tuple[Array, Array]:
+        """Coefficients of ``block`` in the basis, and what remains of it; overwrites it."""
+        return _remove_components(self._filled(), block)
 
-    def combined(self, mix):
-        """basis @ ``mix``, of no more columns than the basis, which is lost: its memory is used, stripe by stripe."""
+    def combine(self, mix: Array) -> Array:
+        """basis @ ``mix``, with at most as many columns as the basis, which is lost: the result reuses its memory."""
         n, columns = len(self.last), mix.shape[1]
         chunks, self._chunks, self._blocks = self._filled(), [], []
         for start in range(0, n, STRIPE):
@@ -99,16 +143,16 @@ class Basis:
         return result
 
 
-def _take_out(chunks, block):
-    """Coefficients of ``block`` in the orthonormal columns of ``chunks``, and what is left of it; overwrites it."""
+def _remove_components(chunks: Sequence[Array], block: Array) -> tuple[Array, Array]:
+    """Coefficients of ``block`` in the orthonormal columns of ``chunks``, and what remains of it; overwrites it."""
     return np.concatenate([_project(chunk.T, block.T) for chunk in chunks]), block
 
 
 @compiled
-def _project(rows, block):
-    """Take from the rows of ``block`` their parts along ``rows``, orthonormal: the coefficients.
+def _project(rows: Array, block: Array) -> Array:
+    """Remove from the rows of ``block`` their components along the orthonormal ``rows``; returns the coefficients.
 
-    Modified Gram-Schmidt, two rows from two at a time: memory's speed is the limit, and BLAS, made for larger
+    Modified Gram-Schmidt, two rows from two at a time: the speed of memory is the limit, and BLAS, made for larger
     matrices, takes twice as long.
     """
     coefficients = np.empty((len(rows), len(block)))
@@ -122,7 +166,8 @@ def _project(rows, block):
 
 
 @compiled
-def _products(u, v, x, y):
+def _products(u: Array, v: Array, x: Array, y: Array) -> tuple[float, float, float, float]:
+    """⟨u, x⟩, ⟨v, x⟩, ⟨u, y⟩, ⟨v, y⟩ in one pass."""
     a = b = c = d = 0.0
     for i in range(len(u)):
         a += u[i] * x[i]
@@ -133,17 +178,18 @@ def _products(u, v, x, y):
 
 
 @compiled
-def _subtract(u, v, x, y, a, b, c, d):
+def _subtract(u: Array, v: Array, x: Array, y: Array, a: float, b: float, c: float, d: float) -> None:
+    """x -= a u + b v and y -= c u + d v in one pass."""
     for i in range(len(u)):
         x[i] -= a * u[i] + b * v[i]
         y[i] -= c * u[i] + d * v[i]
 
 
-def _orthonormal(block):
-    """``block`` = q @ r with orthonormal q; overwrites it. LinAlgError where its columns depend on one another.
+def _orthonormalise(block: Array) -> tuple[Array, Array]:
+    """``block`` = q @ r with orthonormal q; overwrites it. LinAlgError if its columns are linearly dependent.
 
-    By Cholesky's r, twice over, for its speed and because it keeps each row's own precision: Householder's q would
-    carry rounding from large rows to the tiny ones of vertices without mass, and spoil the residual there.
+    By Cholesky QR, applied twice: for its speed, and because each row keeps its own precision. Householder reflections
+    would carry rounding errors from large rows to the tiny rows of vertices without mass, and spoil the residual there.
     """
     r = np.eye(block.shape[1])
     for _ in range(2):

@@ -49,7 +49,7 @@ class Model(ABC):
     ...
     ...     def load(self):
     ...         mesh = trimesh.creation.cylinder(1.0, 4.0, sections=self.sections)
-    ...         return LoadedMesh(mesh.vertices.view(np.ndarray), mesh.faces.view(np.ndarray), ())
+    ...         return LoadedMesh(np.array(mesh.vertices), np.array(mesh.faces), ())
     ...
     ...     def digest(self):
     ...         return hashlib.sha256(f"cylinder {self.sections}".encode()).hexdigest()

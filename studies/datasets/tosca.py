@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.io import LoadedMesh, read_mesh
-from heatwalk.meshes import MeshError, check_arrays, describe_error, referenced
+from heatwalk.io import LoadedMesh, parse_integers, read_mesh
+from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, require_available, selected_names
 from studies.datasets.folders import find, folder, read
 
@@ -72,7 +72,11 @@ class TOSCAModel(Model):
         except Exception as error:  # whatever a broken or missing file leads to
             why = error if isinstance(error, MeshError) else describe_error(error)
             raise MeshError(f"{' and '.join(map(str, files))}: {why}") from error
-        return _drop_unreferenced(vertices, faces)
+        n_vertices = len(vertices)
+        vertices, faces, kept = drop_unreferenced(vertices, faces)
+        n_dropped = n_vertices - len(kept)
+        notes = (f"dropped {n_dropped:,} vertices that belong to no face",) if n_dropped else ()
+        return LoadedMesh(vertices, faces, notes)
 
     def digest(self) -> str:
         """SHA-256 of the pose's files."""
@@ -244,24 +248,15 @@ def _poses(inside: Path | zipfile.Path) -> list[tuple[str, str, str]]:
     return sorted(poses, key=lambda pose: natural_order(pose[0] + pose[2]))
 
 
-def _drop_unreferenced(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> LoadedMesh:
-    """The mesh without vertices that belong to no face, and a note if there were any."""
-    used = referenced(faces, len(vertices))
-    if used.all():
-        return LoadedMesh(vertices, faces, ())
-    note = f"dropped {np.count_nonzero(~used):,} vertices that belong to no face"
-    return LoadedMesh(vertices[used], (np.cumsum(used) - 1)[faces], (note,))
-
-
 def _read_vertex_numbers(file: Path | zipfile.Path) -> NDArray[np.int64]:
     """The numbers in a text file that has one per line."""
-    lines = file.read_text("utf-8", errors="replace").rstrip().splitlines()
-    if not lines:
+    text = file.read_text("utf-8", errors="replace")
+    if not text.strip():
         raise DatasetError(f"{file}: the file is empty")
-    for number, line in enumerate(lines, start=1):
-        if not re.fullmatch(r"\s*[0-9]{1,18}\s*", line):
-            raise DatasetError(f"{file}: line {number} is not a vertex number (1, 2, 3 …): {line[:40]!r}")
-    return np.array(lines, dtype=np.int64)
+    try:
+        return parse_integers(text, "a vertex number (1, 2, 3 …)")
+    except ValueError as error:
+        raise DatasetError(f"{file}: {error}") from error
 
 
 # Each reader returns vertices (n, 3) and faces (m, 3).

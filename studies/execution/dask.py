@@ -153,7 +153,10 @@ class _DaskSession:
 
 def _run_isolated(plugin: str, task: bytes) -> Any:
     plugins: dict[str, Any] = distributed.get_worker().plugins
-    return plugins[plugin].pool.outcome(task)
+    try:
+        return plugins[plugin].pool.outcome(task)
+    except CancelledError:  # this worker is closing
+        raise distributed.Reschedule from None
 
 
 class _IsolationPlugin(distributed.WorkerPlugin):

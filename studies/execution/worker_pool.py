@@ -26,7 +26,7 @@ import psutil
 import threadpoolctl
 
 from studies.execution.engine import TaskFailure, parse_bytes
-from studies.execution.process_tree import end_processes, find_families, resident_memory
+from studies.execution.process_tree import find_families, kill_processes, resident_memory, split_supervised
 
 # Workers are forked, from a process that has imported what they need; not from this process, because a fork inherits
 # locks that other threads of its parent hold. Elsewhere each worker starts anew: the libraries of macOS do not survive
@@ -34,7 +34,7 @@ from studies.execution.process_tree import end_processes, find_families, residen
 START_METHOD = "forkserver" if sys.platform == "linux" else "spawn"
 
 POLL_SECONDS = 0.25  # between two measurements of the memory of the workers, each of which takes some 5 ms
-GRACE_SECONDS = 1.0  # in which the programs of a worker that was killed end by themselves and clean up
+GRACE_SECONDS = 30.0  # in which the supervisors of a worker's programs end by themselves and clean up
 EXIT_SECONDS = 10.0  # in which a process that has closed its pipe must exit
 ATTEMPTS = 3  # workers that may die before one of them starts a task
 
@@ -116,15 +116,19 @@ class WorkerPool:
                     worker.start_task(task)
                     self._has_worked = True
                     break
-                except _WorkerDiedError:
-                    worker, ended = None, self._remove(worker)
+                except _WorkerDiedError as death:
+                    ended = self._remove(worker) if worker else str(death)
+                    worker = None
             else:
                 return self._not_started(ended)
             try:
                 return worker.result(self._timeout)
-            except (_WorkerDiedError, TimeoutError) as error:
+            except _WorkerDiedError:
                 dead, worker = worker, None
-                return self._failure(dead, error)
+                return self._crash(dead)
+            except _TimeIsUpError:
+                slow, worker = worker, None
+                return self._timed_out(slow)
         finally:
             self._slots.put(worker)
 
@@ -148,14 +152,12 @@ class WorkerPool:
             try:
                 worker = _Worker(self._function)
             except (OSError, EOFError) as error:
-                raise _WorkerDiedError(str(error) or "no process could be started") from error
+                raise _WorkerDiedError(f"no process could be started ({type(error).__name__}: {error})") from error
             self._workers.add(worker)
             return worker
 
-    def _remove(self, worker: "_Worker | None") -> str:
+    def _remove(self, worker: "_Worker") -> str:
         """Forget a worker that has died: how it ended."""
-        if worker is None:
-            return "no process could be started"
         self._workers.discard(worker)
         return f"its process died with exit code {worker.end()}"
 
@@ -168,12 +170,14 @@ class WorkerPool:
             )
         return TaskFailure("crashed", f"{ended} before it started, {ATTEMPTS} times")
 
-    def _failure(self, worker: "_Worker", error: Exception) -> TaskFailure:
-        """Why a worker gave no result; it is dead afterwards."""
-        if isinstance(error, TimeoutError):
-            worker.kill(find_families({worker.pid}).get(worker.pid, [])[1:])
-            self._remove(worker)
-            return TaskFailure("timeout", f"took longer than trial.timeout={self._timeout:g} seconds")
+    def _timed_out(self, worker: "_Worker") -> TaskFailure:
+        """Kill a worker whose task takes too long."""
+        worker.kill(find_families({worker.pid}).get(worker.pid, [])[1:])
+        self._remove(worker)
+        return TaskFailure("timeout", f"took longer than trial.timeout={self._timeout:g} seconds")
+
+    def _crash(self, worker: "_Worker") -> TaskFailure:
+        """Why a worker died while it was at work."""
         ended = self._remove(worker)
         self._check_open()
         if worker.was_too_large:
@@ -205,6 +209,10 @@ class _WorkerDiedError(Exception):
     """A worker ended, or could not be started."""
 
 
+class _TimeIsUpError(Exception):
+    """A worker had no result when the time of its task was up."""
+
+
 class _Worker:
     """A worker process and this process's end of its pipe."""
 
@@ -219,6 +227,8 @@ class _Worker:
         finally:
             pipe_of_worker.close()  # or the pipe would stay open when the worker has died
         self._programs: list[psutil.Process] = []
+        self._supervisors: list[psutil.Process] = []
+        self._ending = threading.Lock()  # two threads may do so when the pool is closed
         self._n_tasks = 0
         self.pid: int = self._process.pid
         self.task = 0  # number of the task that it is on, 0 between tasks
@@ -235,11 +245,9 @@ class _Worker:
         self.task = self._n_tasks
 
     def result(self, timeout: float | None) -> Any:
-        """The result of the task; raises what the task raised, TimeoutError or _WorkerDiedError."""
+        """The result of the task; raises what the task raised, _TimeIsUpError or _WorkerDiedError."""
         try:
-            if not self._has_message(timeout):
-                raise TimeoutError
-            answer = self._receive()
+            answer = self._receive(timeout)
         finally:
             self.task = 0
         succeeded, value = pickle.loads(answer)
@@ -248,23 +256,29 @@ class _Worker:
         raise value
 
     def kill(self, programs: Iterable[psutil.Process]) -> None:
-        """Kill the process; ``programs``, which it runs, may end by themselves before `end` kills them."""
-        self._programs.extend(programs)
+        """Kill the process; `end` kills the ``programs`` that it runs."""
+        plain, supervisors = split_supervised(programs)
+        self._programs += plain
+        self._supervisors += supervisors
         self._process.kill()
 
     def end(self) -> int:
         """Wait for the end of the process and of its programs: the exit code."""
-        self._process.join(EXIT_SECONDS)
-        if self._process.exitcode is None:
-            self._process.kill()
-            self._process.join()
-        end_processes(self._programs, GRACE_SECONDS)
-        self._pipe.close()
+        with self._ending:
+            self._process.join(EXIT_SECONDS)
+            if self._process.exitcode is None:
+                self._process.kill()
+                self._process.join()
+            kill_processes(self._programs)
+            _, alive = psutil.wait_procs(self._supervisors, timeout=GRACE_SECONDS)
+            kill_processes(alive)
+            self._pipe.close()
         return self._process.exitcode
 
-    def _receive(self) -> bytes:
-        self._has_message(None)
+    def _receive(self, timeout: float | None = None) -> bytes:
         try:
+            if not self._has_message(timeout):
+                raise _TimeIsUpError
             if self._pipe.poll():
                 return self._pipe.recv_bytes()
         except (OSError, EOFError) as error:

@@ -1,7 +1,7 @@
 """Charts as plain data: what a curve, bars, dots with intervals or a heat map show, without how they are drawn.
 
-The builders turn tables and rows of a study into a `Chart`: frozen dataclasses that hold numbers and strings only.
-`studies.figures.drawing` renders a chart for print. `dataclasses.asdict` turns it into what JSON can hold (missing
+The builders turn tables and rows of a study into a `Chart`: frozen dataclasses that contain numbers and strings only.
+`studies.figures.drawing` renders a chart for print. `dataclasses.asdict` turns it into what JSON can represent (missing
 values are None), from which a web page can render the same data.
 """
 
@@ -276,7 +276,7 @@ class Chart:
 def level_curve(table: Table, rows: pd.DataFrame, axis: str, title: str) -> Chart:
     """Mean Change Percentage by level with its 95 % interval, for each segmenter.
 
-    If there is one segmenter, the models behind the mean are shown as well: up to ``MOST_MODEL_LINES`` models as a line
+    With a single segmenter, the models behind the mean are shown as well: up to ``MOST_MODEL_LINES`` models as a line
     each, more as the band between the quartiles of their means.
 
     Parameters
@@ -324,7 +324,7 @@ def part_panels(table: Table, named: Mapping[str, tuple[str, str]], title: str) 
     """Change Percentage by level, a panel for each part of the study.
 
     Each panel has its own scale of Change Percentage, since one perturbation changes ten times as much as another.
-    Medians are shown if there is one segmenter.
+    Medians are shown only with a single segmenter.
 
     Parameters
     ----------
@@ -373,10 +373,10 @@ def part_panels(table: Table, named: Mapping[str, tuple[str, str]], title: str) 
 def segment_counts(rows: pd.DataFrame, intervals: Sequence[tuple[float, float]], title: str) -> Chart:
     """How the number of segments depends on time.
 
-    The left panel shows the median over models by time, with quartiles if there is one segmenter, and the intervals
+    The left panel shows the median over models by time, with quartiles for a single segmenter, and the intervals
     shaded. Right of it, bars show how many different numbers of segments a model has within each interval; the first
-    bar is the share of models whose number does not change. There is one such panel for one segmenter, and one per
-    interval for several.
+    bar is the share of models whose number does not change. A single segmenter has one such panel, several
+    have one per interval.
 
     Parameters
     ----------
@@ -427,13 +427,15 @@ def segment_counts(rows: pd.DataFrame, intervals: Sequence[tuple[float, float]],
     shares = _change_shares(counts, intervals)
     most = max((len(share) for of_segmenters in shares for share in of_segmenters.values()), default=1)
     categories = tuple(str(number) for number in range(1, most + 1))
-    x = Axis("different numbers of segments" if several else "different numbers of segments of a model", (), categories)
+    x = Axis(
+        "different numbers\nof segments" if several else "different numbers of segments of a model", (), categories
+    )
     if several:
         right = [
             Panel(
                 x=x,
                 y=Axis("" if i else "models (%)", from_zero=True),
-                title=f"Change within {name}",
+                title=f"Within {name}",
                 bars=tuple(
                     _share_bars(f"{segmenter}: {{:.1f}} %", share, categories, group=group)
                     for group, (segmenter, share) in enumerate(of_segmenters.items())

@@ -14,6 +14,7 @@ import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from matplotlib.transforms import ScaledTranslation
 
 from studies.figures.charts import Axis, Bars, Chart, Dots, HeatMap, Number, Panel, Series
@@ -112,10 +113,12 @@ def _draw_panels(chart: Chart, panels: Sequence[Panel]) -> Figure:
         inches = width * panel.width / sum(widths) - 0.5
         of_panel = _draw_panel(axes, panel, inches)
         if panel.own_legend:
-            below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "frameon": False}
+            # Below the numbers at the ticks and the lines of the label.
+            down = ScaledTranslation(0, -0.22 - 0.16 * (1 + panel.x.label.count("\n")), figure.dpi_scale_trans)
             axes.legend(
-                of_panel.values(), of_panel.keys(), title=panel.legend_title or None,
-                ncols=_legend_columns(of_panel, inches + 0.3), **below,
+                of_panel.values(), of_panel.keys(), title=panel.legend_title or None, frameon=False,
+                ncols=_legend_columns(of_panel, inches + 0.3), loc="upper center", bbox_to_anchor=(0.5, 0),
+                bbox_transform=axes.transAxes + down,
             )  # fmt: skip
         else:
             handles |= {label: handle for label, handle in of_panel.items() if label not in handles}
@@ -248,9 +251,11 @@ def _set_y_axis(axes: Axes, axis: Axis) -> None:
     if axis.categories:
         axes.set_yticks(range(len(axis.categories)), axis.categories)
         axes.set_ylim(len(axis.categories) - 0.5, -0.5)
-    elif axis.logarithmic:
+    elif axis.logarithmic and np.isfinite(axes.dataLim.minposy):  # matplotlib has no logarithmic scale without data
         axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
     elif axis.from_zero:
         # With room above, even if every value is 0 or missing.
         axes.set_ylim(bottom=0, top=None if axes.dataLim.y1 > 0 and np.isfinite(axes.dataLim.y1) else 1)

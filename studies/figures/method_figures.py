@@ -183,8 +183,8 @@ def walk(mesh: trimesh.Trimesh, seg: Segmentation) -> MethodFigure:
     Returns
     -------
     MethodFigure
-        numbers: settled, see `heatwalk.accumulators.HeatWalk.settled_shares`; exemplars, how many are left after
-        0, 1, 2 … steps
+        numbers: settled, the share of vertices that have reached their exemplar, and exemplars, how many are left, each
+        after 0, 1, 2 … steps
     """
     view = view_of(np.asarray(mesh.vertices))
     shares = seg.walk.settled_shares()

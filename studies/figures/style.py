@@ -1,6 +1,6 @@
 """One style for every figure: sizes, fonts and colours that are readable in grey and by colour-blind readers.
 
-This module holds plain values. `studies.figures.drawing` applies them with matplotlib; another renderer, such as an
+This module contains plain values. `studies.figures.drawing` applies them with matplotlib; another renderer, such as an
 HTML report, can use the same colours.
 """
 

@@ -19,8 +19,8 @@ MARGIN = 0.04  # share of the picture that is left white on each side
 MARK_COLOUR = "#d00000"
 CREASE = 45  # degrees between faces from which an edge is drawn sharp
 
-# Direction and intensity of the lights: from beside the camera, which makes relief visible, and weakly from the other
-# side.
+# Direction and intensity of the lights: from one side of the camera, which makes relief visible, and weakly from the
+# other.
 LIGHTS = (((-0.4, 0.6, 1.0), 0.85), ((0.8, -0.2, 0.6), 0.3))
 
 # No highlights, so that what is lit keeps its hue. A function is shaded less, since its values are read from colours.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from heatwalk.meshes import face_areas
 from studies.columns import Column
 from studies.metrics.contingency import contingency_table
 from studies.metrics.metric import TriangleMesh
@@ -117,7 +118,7 @@ def evaluate(mesh: TriangleMesh, face_labels_a: ArrayLike, face_labels_b: ArrayL
                 f"{name} must have one label for each of the {len(faces)} faces, got the shape {labels.shape}"
             )
 
-    areas = _face_areas(vertices, faces)
+    areas = face_areas(vertices, faces)
     by_count, by_area = contingency_table(a, b), contingency_table(a, b, areas)
     false_alarm_rate, missing_rate = (_outside_best_match(by_area, axis) for axis in (1, 0))
     gce, lce = _consistency_errors(by_count, by_count)
@@ -133,13 +134,6 @@ def evaluate(mesh: TriangleMesh, face_labels_a: ArrayLike, face_labels_b: ArrayL
         "gce_area": gce_area,
         "lce_area": lce_area,
     }
-
-
-def _face_areas(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Area of each face, (m,)."""
-    from heatwalk.numerics.triangles import areas  # here, because it imports numba
-
-    return areas(np.ascontiguousarray(vertices), np.ascontiguousarray(faces))
 
 
 def _outside_best_match(by_area: coo_array, axis: int) -> float:

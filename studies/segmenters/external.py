@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import re
 import shlex
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,11 +14,11 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-import psutil
 from numpy.typing import NDArray
 
-SUPERVISOR = Path(__file__).parents[1] / "execution" / "supervise_program.py"
-PACKAGES = Path(psutil.__file__).parents[1]  # what the supervisor imports
+from heatwalk.io import parse_integers
+from studies.execution.process_tree import supervised
+
 TAIL = 300  # characters at the end of a program's output that an error message quotes
 
 
@@ -120,7 +118,7 @@ class External:
             with (
                 printed.open("wb") as sink,
                 subprocess.Popen(
-                    [sys.executable, "-I", "-S", str(SUPERVISOR), str(PACKAGES), folder, *words],
+                    supervised(words, folder),
                     stdin=subprocess.PIPE,
                     stdout=sink,
                     stderr=subprocess.STDOUT,
@@ -132,18 +130,9 @@ class External:
             if not labels.is_file():
                 raise ValueError(f"{self.name} wrote no file {{labels}}{_output_of(printed)}")
             try:
-                return _parse_labels(labels.read_text("utf-8", errors="replace"))
+                return parse_integers(labels.read_text("utf-8", errors="replace"), "a label (an integer)", signed=True)
             except ValueError as error:
                 raise ValueError(f"{self.name}: {error}{_output_of(printed)}") from error
-
-
-def _parse_labels(text: str) -> NDArray[np.int64]:
-    """The integers in a text that has one per line."""
-    lines = text.rstrip().splitlines()
-    for number, line in enumerate(lines, start=1):
-        if not re.fullmatch(r"\s*[+-]?[0-9]{1,18}\s*", line, re.ASCII):
-            raise ValueError(f"line {number} is not a label (an integer): {line[:40]!r}")
-    return np.array(lines, dtype=np.int64)
 
 
 def _output_of(printed: Path) -> str:

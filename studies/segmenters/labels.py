@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from heatwalk.meshes import face_areas
+
 LABELS_OF = ("auto", "vertices", "faces")
 
 # Two areas are a tie if they differ by less than this, relative to the larger: the order of summation changes them by
@@ -81,7 +83,7 @@ def _labels_by_area(
     names, ranks = np.unique(face_labels, return_inverse=True)
     # One number per pair of a vertex and a label of its faces, ascending by vertex, then by label.
     pairs, pair_of_corner = np.unique(faces.ravel() * len(names) + np.repeat(ranks, 3), return_inverse=True)
-    pair_areas = np.bincount(pair_of_corner, np.repeat(_face_areas(vertices, faces), 3))
+    pair_areas = np.bincount(pair_of_corner, np.repeat(face_areas(vertices, faces), 3))
     used_vertices, first = np.unique(pairs // len(names), return_index=True)
     largest = np.repeat(np.maximum.reduceat(pair_areas, first), np.diff(first, append=len(pairs)))
     winners = np.flatnonzero(pair_areas >= (1 - _TIE) * largest)
@@ -89,10 +91,3 @@ def _labels_by_area(
     result = np.full(len(vertices), -1, dtype=np.int64)
     result[used_vertices] = names[pairs[winners] % len(names)]
     return result
-
-
-def _face_areas(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Area of each face, (m,)."""
-    from heatwalk.numerics.triangles import areas  # here, because it imports numba
-
-    return areas(np.ascontiguousarray(vertices, dtype=np.float64), np.ascontiguousarray(faces, dtype=np.int64))

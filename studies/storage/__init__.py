@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from studies.storage.rows import RowStore as RowStore
     from studies.storage.rows import StoredRows as StoredRows
     from studies.storage.rows import read_rows as read_rows
+    from studies.storage.summary import summarize as summarize
 
 _MODULE_OF = {
     "LOCK_FILE": "folders",
@@ -39,6 +40,7 @@ _MODULE_OF = {
     "read_reusable": "reuse",
     "read_rows": "rows",
     "result_folders": "folders",
+    "summarize": "summary",
 }
 
 __all__ = list(_MODULE_OF)

@@ -1,7 +1,5 @@
 """Labels that trials computed, kept for the pictures that show them."""
 
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -54,10 +52,11 @@ class LabelStore:
     def get(self, trial_id: str) -> dict[str, NDArray] | None:
         """The arrays of a trial; None if they are not stored, or their file is damaged."""
         try:
-            with np.load(self._path(trial_id), allow_pickle=False) as arrays:
-                return dict(arrays)
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error):
+            with np.load(self._path(trial_id), allow_pickle=False) as file:
+                arrays = dict(file)
+        except Exception:  # NumPy and zipfile raise a dozen kinds for damaged files
             return None
+        return arrays if all(isinstance(array, np.ndarray) for array in arrays.values()) else None
 
     def _path(self, trial_id: str) -> Path:
         return self._folder / f"{trial_id}.npz"

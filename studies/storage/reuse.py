@@ -75,13 +75,23 @@ def _source(folder: Path) -> Path | None:
 
 def _successful_ids(path: Path) -> set[str]:
     """The successful trials of a file of rows; none if the file is damaged or something else."""
-    if path.name == ROWS_FILE and not _table_has_all_rows(path.parent):
-        return {trial_id for trial_id, status in StoredRows(path.parent).status.items() if status == "ok"}
+    ids = None
+    if path.name == TABLE_FILE or _table_has_all_rows(path.parent):
+        ids = _successful_ids_in_table(path.with_name(TABLE_FILE))
+    if ids is None and path.name == ROWS_FILE:
+        ids = {trial_id for trial_id, status in StoredRows(path.parent).status.items() if status == "ok"}
+    return ids or set()
+
+
+def _successful_ids_in_table(path: Path) -> set[str] | None:
+    """The successful trials of a parquet file; None if it is not the table of a study."""
     try:
-        columns = read_table_columns(path.with_name(TABLE_FILE), ["trial_id", "status"])
-        return {i for i, status in zip(columns["trial_id"], columns["status"], strict=True) if status == "ok"}
-    except (ValueError, KeyError, OSError):
-        return set()
+        columns = read_table_columns(path, ["trial_id", "status"])
+    except (ValueError, OSError):
+        return None
+    if columns.keys() != {"trial_id", "status"} or not all(isinstance(i, str) for i in columns["trial_id"]):
+        return None
+    return {i for i, status in zip(columns["trial_id"], columns["status"], strict=True) if status == "ok"}
 
 
 def _table_has_all_rows(folder: Path) -> bool:

@@ -86,7 +86,7 @@ class StoredRows:
     def _note(self, row: Row) -> None:
         self.status[row["trial_id"]] = row["status"]
         seconds = row.get("seconds")
-        if seconds is not None:
+        if isinstance(seconds, int | float):
             self._seconds += seconds
             self._n_timed += 1
 
@@ -239,7 +239,7 @@ def parse_rows(path: Path) -> Iterator[dict[str, Any] | None]:
         for line in file:
             try:
                 row = json.loads(line)
-            except ValueError:
+            except (ValueError, RecursionError):
                 row = None
             yield row if _is_row(row) else None
 

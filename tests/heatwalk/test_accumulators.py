@@ -35,7 +35,7 @@ def random_kernel(rows, component=None):
 
 @pytest.mark.parametrize("time", [0.3, 1.0, 4.0])
 @pytest.mark.parametrize("name", SMALL)
-def test_the_walk_is_algorithm_1_step_by_step(name, time):
+def test_the_walk_equals_algorithm_1_step_by_step(name, time):
     mesh = SMALL[name]()
     seg = heatwalk.segment(mesh.vertices, mesh.faces, time)
     kernel = dense.whole(seg.kernel)
@@ -46,7 +46,7 @@ def test_the_walk_is_algorithm_1_step_by_step(name, time):
 
 
 @pytest.mark.parametrize("name", ["ant", "airplane"])
-def test_exemplars_are_those_of_the_kernel_of_all_eigenpairs(name):
+def test_exemplars_equal_those_of_the_kernel_of_all_eigenpairs(name):
     mesh = bundled(name)
     expected = dense.algorithm_1(dense.heat_kernel(np.asarray(mesh.vertices), mesh.faces, 1 / 6))
     seg = heatwalk.segment(mesh.vertices, mesh.faces)
@@ -61,7 +61,7 @@ def test_exemplars_are_those_of_the_kernel_of_all_eigenpairs(name):
         elements=st.one_of(st.integers(-3, 3).map(float), st.floats(-1, 1).map(lambda x: round(x, 6))),
     )
 )
-def test_the_walk_over_any_positive_semi_definite_kernel_is_algorithm_1(rows):
+def test_the_walk_over_any_positive_semi_definite_kernel_equals_algorithm_1(rows):
     rows = np.column_stack([rows, np.ones(len(rows))])  # as a heat kernel has: a constant, so that the diagonal is > 0
     walk = heat_walk(random_kernel(rows))
     assert np.array_equal(walk.exemplars[walk.labels], dense.algorithm_1(rows @ rows.T)[-1])
@@ -100,7 +100,7 @@ def test_a_ring_that_ties_close_ends_at_its_smallest_vertex(monkeypatch):
     assert np.array_equal(walk.steps[-1], [1] * 5)
 
 
-def test_each_component_walks_as_if_it_were_alone():
+def test_each_component_walks_as_if_it_were_the_whole_mesh():
     rng = np.random.default_rng(0)
     component, rows = rng.integers(0, 4, 60), rng.standard_normal((60, 3))
     walk = heat_walk(random_kernel(rows, component))

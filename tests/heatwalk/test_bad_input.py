@@ -82,8 +82,8 @@ PLY_HEADER = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\npropert
 PLY_FACES = "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
 LETTER = b"Dear all,\nhere is the mesh, OFF to you.\n"
 OFF = off_text(VERTICES, FACES).encode()
-NO_OFF = "no OFF file, or one that does not begin with its counts of vertices and faces"
-NO_FACES = "no {} file, or one that has no faces or is cut short"
+NO_OFF = "not an OFF file, or its header lacks the vertex and face counts"
+NO_FACES = "not a {} file, or it has no faces or is truncated"
 NOT_MESHES = {
     "empty off": (".off", b"", "the file is empty"),
     "empty obj": (".obj", b"", "the file is empty"),
@@ -93,23 +93,23 @@ NOT_MESHES = {
     "comments only": (".off", b"# nothing\n", NO_OFF),
     "picture as off": (".off", PNG, NO_OFF),
     "picture as obj": (".obj", PNG, NO_FACES.format("OBJ")),
-    "picture as ply": (".ply", PNG, "no PLY file, or one whose header declares no faces"),
+    "picture as ply": (".ply", PNG, "not a PLY file, or its header declares no faces"),
     "picture as stl": (".stl", PNG, NO_FACES.format("STL")),
     "text as off": (".off", LETTER, NO_OFF),
     "text as obj": (".obj", LETTER, NO_FACES.format("OBJ")),
-    "text as ply": (".ply", LETTER, "no PLY file, or one whose header declares no faces"),
+    "text as ply": (".ply", LETTER, "not a PLY file, or its header declares no faces"),
     "text as stl": (".stl", LETTER, NO_FACES.format("STL")),
     "off header only": (".off", b"OFF\n", NO_OFF),
     "off counts are words": (".off", b"OFF\nfour 4 0\n", NO_OFF),
     "off counts negative": (".off", b"OFF\n-4 4 0\n", NO_OFF),
     "off binary": (".off", b"OFF BINARY\n\0\0\0\4", NO_OFF),
-    "off truncated": (".off", OFF[:-8], "declares 4 faces and holds 3: the file is cut short"),
-    "off face cut short": (".off", OFF[:-4], "declares 4 faces and holds 3: the file is cut short"),
+    "off truncated": (".off", OFF[:-8], "declares 4 faces but contains 3: the file is truncated"),
+    "off face cut short": (".off", OFF[:-4], "declares 4 faces but contains 3: the file is truncated"),
     "off without faces": (".off", b"OFF\n1 0 0\n0 0 0\n", NO_FACES.format("OFF")),
     "off word among numbers": (
         ".off",
         OFF.replace(b"1.0", b"one", 1),
-        "no OFF file, or a broken one: ValueError.*could not convert string to float: 'one'.*",
+        "not a valid OFF file: ValueError.*could not convert string to float: 'one'.*",
     ),
     "obj of points": (".obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", NO_FACES.format("OBJ")),
     "obj index zero": (
@@ -117,11 +117,11 @@ NOT_MESHES = {
         b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 0 1 2\n",
         r"face 0 \(counted from 0\) refers to vertex -1, but there are 4 vertices",
     ),
-    "ply header cut": (".ply", PLY_HEADER.encode(), "no PLY file, or one whose header declares no faces"),
+    "ply header cut": (".ply", PLY_HEADER.encode(), "not a PLY file, or its header declares no faces"),
     "ply of points": (
         ".ply",
         (PLY_HEADER + "end_header\n0 0 0\n0 0 1\n0 1 0\n1 0 0\n").encode(),
-        "no PLY file, or one whose header declares no faces",
+        "not a PLY file, or its header declares no faces",
     ),
     "ply of no faces": (
         ".ply",
@@ -131,12 +131,12 @@ NOT_MESHES = {
     "ply truncated": (
         ".ply",
         (PLY_HEADER + PLY_FACES + "0 0 0\n0 0 1\n0 1 0\n1 0 0\n3 0 1 2\n").encode(),
-        "declares 4 faces and holds 1: the file is cut short",
+        "declares 4 faces but contains 1: the file is truncated",
     ),
     "ply truncated in the vertices": (
         ".ply",
         (PLY_HEADER + PLY_FACES + "0 0 0\n0 0").encode(),
-        "declares 4 faces and holds 0: the file is cut short",
+        "declares 4 faces but contains 0: the file is truncated",
     ),
     "ply index too large": (
         ".ply",
@@ -146,12 +146,12 @@ NOT_MESHES = {
     "ply of an unknown type": (
         ".ply",
         (PLY_HEADER.replace("float z", "real z") + PLY_FACES).encode() + OFF.partition(b" 0\n")[2],
-        "no PLY file, or a broken one: KeyError.'real'.",
+        "not a valid PLY file: KeyError.'real'.",
     ),
     "stl text cut": (
         ".stl",
         b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nver",
-        "declares 1 faces and holds 0: the file is cut short",
+        "declares 1 faces but contains 0: the file is truncated",
     ),
     "stl binary cut": (
         ".stl",
@@ -159,13 +159,13 @@ NOT_MESHES = {
         NO_FACES.format("STL"),
     ),
     "stl without triangles": (".stl", bytes(84), NO_FACES.format("STL")),
-    "unknown suffix": (".step", b"ISO-10303-21;", "unknown suffix '.step'; can read .off, .obj, .ply, .stl"),
+    "unknown suffix": (".step", b"ISO-10303-21;", "unknown suffix '.step'; supported: .off, .obj, .ply, .stl"),
     "no suffix": ("", b"OFF\n", "unknown suffix ''; .*"),
 }
 
 
 @pytest.mark.parametrize(("suffix", "data", "message"), NOT_MESHES.values(), ids=NOT_MESHES)
-def test_a_file_that_is_not_a_mesh_is_refused(in_empty_folder, capsys, suffix, data, message):
+def test_a_file_that_is_not_a_mesh_is_rejected(in_empty_folder, capsys, suffix, data, message):
     path = Path(f"bad{suffix}")
     path.write_bytes(data)
     with pytest.raises(MeshError, match=re.escape(str(path)) + ": " + message):
@@ -173,16 +173,16 @@ def test_a_file_that_is_not_a_mesh_is_refused(in_empty_folder, capsys, suffix, d
     assert_command_refuses(path, message, capsys)
 
 
-def test_a_missing_file_is_refused(in_empty_folder, capsys):
+def test_a_missing_file_is_rejected(in_empty_folder, capsys):
     assert_command_refuses("gone.off", "cannot be read: No such file or directory", capsys)
 
 
-def test_a_folder_is_refused(in_empty_folder, capsys):
+def test_a_folder_is_rejected(in_empty_folder, capsys):
     Path("folder.off").mkdir()
     assert_command_refuses("folder.off", "cannot be read: Is a directory", capsys)
 
 
-def test_a_file_without_permission_is_refused(in_empty_folder, capsys, monkeypatch):
+def test_a_file_without_permission_is_rejected(in_empty_folder, capsys, monkeypatch):
     def refuse(path):  # chmod would not stop root, under whom tests often run
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
@@ -207,7 +207,7 @@ REFUSED = {
         [[0, 2, -1], *FACES],
         r"face 0 \(counted from 0\) refers to vertex -1, but there are 4 vertices",
     ),
-    "one triangle": (*TRIANGLE, "the mesh has 3 vertices; at least 4 are needed"),
+    "one triangle": (*TRIANGLE, "the mesh has 3 vertices; at least 4 are required"),
     "all in a line": (
         np.arange(4.0)[:, None] * [1, 2, 3],
         FACES,
@@ -229,7 +229,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("vertices", "faces", "message"), REFUSED.values(), ids=REFUSED)
-def test_a_mesh_that_cannot_be_segmented_is_refused(in_empty_folder, capsys, vertices, faces, message):
+def test_a_mesh_that_cannot_be_segmented_is_rejected(in_empty_folder, capsys, vertices, faces, message):
     with pytest.raises(MeshError, match=f"^{message}$"):
         heatwalk.segment(vertices, faces)
     Path("bad.obj").write_text(obj_text(vertices, faces))
@@ -242,18 +242,22 @@ ARRAYS_REFUSED = {
         FACES,
         r"7 of 11 vertices belong to no face \(remove them\): 4, 5, 6, 7, 8, …",
     ),
-    "no faces": (VERTICES, np.empty((0, 3), dtype=int), ".* 4 vertices and no faces; a surface is needed"),
-    "nothing": (np.empty((0, 3)), np.empty((0, 3), dtype=int), ".* 0 vertices and no faces; a surface is needed"),
+    "no faces": (VERTICES, np.empty((0, 3), dtype=int), ".* 4 vertices and no faces; at least one face is required"),
+    "nothing": (
+        np.empty((0, 3)),
+        np.empty((0, 3), dtype=int),
+        ".* 0 vertices and no faces; at least one face is required",
+    ),
     "quads": (
         np.vstack([VERTICES, VERTICES + 1]),
         np.arange(8).reshape(2, 4),
-        r"faces must be an array of the shape \(…, 3\), got \(2, 4\)",
+        r"faces must be an array of shape \(…, 3\), got \(2, 4\)",
     ),
-    "edges": (VERTICES, [[0, 1], [2, 3]], r"faces must be an array of the shape \(…, 3\), got \(2, 2\)"),
-    "flat faces": (VERTICES, FACES.ravel(), r"faces must be an array of the shape \(…, 3\), got \(12,\)"),
-    "vertices in the plane": (VERTICES[:, :2], FACES, r"vertices must be an array of the shape \(…, 3\), got \(4, 2\)"),
-    "a single vertex": (VERTICES[0], FACES, r"vertices must be an array of the shape \(…, 3\), got \(3,\)"),
-    "transposed vertices": (VERTICES.T, FACES, r"vertices must be an array of the shape \(…, 3\), got \(3, 4\)"),
+    "edges": (VERTICES, [[0, 1], [2, 3]], r"faces must be an array of shape \(…, 3\), got \(2, 2\)"),
+    "flat faces": (VERTICES, FACES.ravel(), r"faces must be an array of shape \(…, 3\), got \(12,\)"),
+    "vertices in the plane": (VERTICES[:, :2], FACES, r"vertices must be an array of shape \(…, 3\), got \(4, 2\)"),
+    "a single vertex": (VERTICES[0], FACES, r"vertices must be an array of shape \(…, 3\), got \(3,\)"),
+    "transposed vertices": (VERTICES.T, FACES, r"vertices must be an array of shape \(…, 3\), got \(3, 4\)"),
     "ragged faces": (VERTICES, [[0, 1, 2], [0, 1, 2, 3]], "faces are not a rectangular array of numbers: .*"),
     "words": ([["a", "b", "c"]] * 4, FACES, "vertices must be real numbers, got an array of <U1"),
     "none": (None, FACES, "vertices must be real numbers, got an array of object"),
@@ -269,7 +273,7 @@ ARRAYS_REFUSED = {
 
 
 @pytest.mark.parametrize(("vertices", "faces", "message"), ARRAYS_REFUSED.values(), ids=ARRAYS_REFUSED)
-def test_arrays_that_are_no_triangle_mesh_are_refused(vertices, faces, message):
+def test_arrays_that_are_not_a_triangle_mesh_are_rejected(vertices, faces, message):
     with pytest.raises(MeshError, match=f"^{message}$"):
         heatwalk.segment(vertices, faces)
 
@@ -294,7 +298,7 @@ def test_quads_in_a_file_are_split_and_the_seg_file_has_a_label_for_every_triang
     assert len(read_seg("out.seg")) == 12
 
 
-def test_components_are_segmented_and_no_accumulator_region_reaches_into_two(in_empty_folder, capsys):
+def test_no_accumulator_region_spans_two_components(in_empty_folder, capsys):
     cow = read_mesh(bundled_path("cow"))
     n = len(cow.vertices)
     aside = cow.vertices + np.array([3, 0, 0])

@@ -28,7 +28,7 @@ def stderr_line(capsys):
     return error.removeprefix("heatwalk: error: ").rstrip()
 
 
-def test_segment_writes_what_the_function_gives_in_the_current_directory(in_empty_folder, capsys):
+def test_segment_writes_the_result_of_the_function_into_the_current_directory(in_empty_folder, capsys):
     path = bundled_path("cow")
     assert main(["segment", str(path)]) == 0
     assert sorted(p.name for p in in_empty_folder.iterdir()) == ["cow_segments.ply", "cow_segments.seg"]
@@ -60,7 +60,7 @@ def test_segment_prints_the_size_of_every_segment(in_empty_folder, capsys):
     assert "cow_segments.ply, cow_segments.seg" in printed
 
 
-def test_segment_takes_a_time_and_an_output(in_empty_folder, capsys):
+def test_segment_accepts_a_time_and_an_output(in_empty_folder, capsys):
     path = bundled_path("cow")
     assert main(["segment", str(path), "--time", "0.3", "--output", "a.b.PLY"]) == 0
     cow = read_mesh(path)
@@ -69,7 +69,7 @@ def test_segment_takes_a_time_and_an_output(in_empty_folder, capsys):
     assert len(expected.exemplars) > len(heatwalk.segment(cow.vertices, cow.faces).exemplars)
 
 
-def test_segment_shows_twenty_segments_of_a_mesh_that_has_more_and_counts_the_rest(in_empty_folder, capsys):
+def test_segment_lists_the_twenty_largest_segments_and_counts_the_rest(in_empty_folder, capsys):
     ant = read_mesh(bundled_path("ant"))
     n_segments = heatwalk.segment(ant.vertices, ant.faces).n_segments
     assert n_segments > 20
@@ -80,7 +80,7 @@ def test_segment_shows_twenty_segments_of_a_mesh_that_has_more_and_counts_the_re
     assert f"{heatwalk.inspect_mesh(ant.vertices, ant.faces).n_components} components" in printed
 
 
-def test_what_reading_changed_is_printed(in_empty_folder, capsys):
+def test_changes_made_while_reading_are_printed(in_empty_folder, capsys):
     for command in ("segment", "inspect"):
         assert main([command, str(bundled_path("bone"))]) == 0
         assert "  note: dropped 359 vertices that belong to no face\n" in capsys.readouterr().out
@@ -107,7 +107,7 @@ def test_inspect_prints_the_report(capsys):
     }
 
 
-def test_inspect_reports_a_mesh_that_cannot_be_segmented_and_says_why(in_empty_folder, capsys):
+def test_inspect_reports_why_a_mesh_cannot_be_segmented(in_empty_folder, capsys):
     Path("flat.off").write_text("OFF\n4 2 0\n0 0 0\n1 0 0\n2 0 0\n3 0 0\n3 0 1 2\n3 1 2 3\n")
     assert main(["inspect", "flat.off"]) == 2
     printed = capsys.readouterr()
@@ -116,7 +116,7 @@ def test_inspect_reports_a_mesh_that_cannot_be_segmented_and_says_why(in_empty_f
 
 
 @pytest.mark.parametrize("time", ["0", "-1", "nan", "inf", "long"])
-def test_a_time_that_is_not_positive_and_finite_is_refused(time, capsys):
+def test_a_time_that_is_not_positive_and_finite_is_rejected(time, capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["segment", "cow.obj", f"--time={time}"])
     assert stopped.value.code == 2
@@ -124,19 +124,19 @@ def test_a_time_that_is_not_positive_and_finite_is_refused(time, capsys):
 
 
 @pytest.mark.parametrize("output", ["out.obj", "out", "ply", ""])
-def test_an_output_that_is_no_ply_is_refused(output, capsys):
+def test_an_output_that_is_not_a_ply_file_is_rejected(output, capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["segment", "cow.obj", "--output", output])
     assert stopped.value.code == 2
     assert f"argument --output: must end in .ply, got '{output}'" in capsys.readouterr().err
 
 
-def test_an_output_folder_that_does_not_exist_is_refused(in_empty_folder, capsys):
+def test_an_output_folder_that_does_not_exist_is_rejected(in_empty_folder, capsys):
     assert main(["segment", str(bundled_path("ant")), "--output", "gone/ant.ply"]) == 2
     assert stderr_line(capsys) == "gone/ant.ply: cannot be written: no such directory"
 
 
-def test_an_output_that_cannot_be_written_is_refused(in_empty_folder, capsys):
+def test_an_output_that_cannot_be_written_is_rejected(in_empty_folder, capsys):
     Path("ant.ply").mkdir()
     assert main(["segment", str(bundled_path("ant")), "--output", "ant.ply"]) == 2
     assert stderr_line(capsys) == "ant.ply: cannot be written: Is a directory"
@@ -150,7 +150,7 @@ def test_the_output_never_overwrites_the_mesh(in_empty_folder, capsys):
     assert Path("ant.ply").read_bytes() == data
 
 
-def test_version_and_help_say_what_there_is(capsys):
+def test_version_and_help_are_printed(capsys):
     for arguments in (["--version"], ["--help"], ["segment", "--help"], ["inspect", "--help"]):
         with pytest.raises(SystemExit) as stopped:
             main(arguments)
@@ -160,7 +160,7 @@ def test_version_and_help_say_what_there_is(capsys):
     assert "heatwalk segment cow.obj --time 1 --output cow_segments.ply" in printed
 
 
-def test_no_command_is_refused(capsys):
+def test_no_command_is_rejected(capsys):
     with pytest.raises(SystemExit) as stopped:
         main([])
     assert stopped.value.code == 2
@@ -175,16 +175,16 @@ def run(*arguments):
     )
 
 
-def test_as_a_process_a_bad_mesh_gives_one_line_and_exit_code_2(tmp_path):
+def test_a_bad_mesh_ends_the_process_with_one_line_and_exit_code_2(tmp_path):
     path = tmp_path / "bad.off"
     path.write_text("OFF\n4 4 0\n0 0 0\n")
     process = run("segment", path)
     assert process.returncode == 2
     assert process.stdout == ""
-    assert process.stderr == f"heatwalk: error: {path}: declares 4 faces and holds 0: the file is cut short\n"
+    assert process.stderr == f"heatwalk: error: {path}: declares 4 faces but contains 0: the file is truncated\n"
 
 
-def test_what_trimesh_logs_about_a_file_does_not_reach_the_user(tmp_path):
+def test_log_messages_of_trimesh_do_not_reach_the_user(tmp_path):
     path = tmp_path / "normals.stl"
     facets = "".join(
         "facet normal of words\nouter loop\n" + "".join(f"vertex {v}\n" for v in corners) + "endloop\nendfacet\n"

@@ -17,7 +17,7 @@ MESHES = {
 
 @pytest.mark.parametrize("time", [0.3, 1.0, 4.0])
 @pytest.mark.parametrize("name", MESHES)
-def test_divergences_and_the_test_are_those_of_algorithm_2(name, time):
+def test_divergences_and_dissipators_equal_those_of_algorithm_2(name, time):
     mesh = MESHES[name]()
     seg = heatwalk.segment(mesh.vertices, mesh.faces, time)
     kernel = dense.whole(seg.kernel)
@@ -34,7 +34,7 @@ def test_divergences_are_never_negative():
     assert seg.divergence_from_region.min() >= -1e-12
 
 
-def test_area_weights_on_a_mesh_of_equal_areas_change_nothing():
+def test_equal_area_weights_change_nothing():
     mesh = trimesh.creation.icosphere(3)
     seg = heatwalk.segment(mesh.vertices, mesh.faces)
     plain = relative_entropy_excess(seg.kernel, seg.accumulator_labels)
@@ -45,7 +45,7 @@ def test_area_weights_on_a_mesh_of_equal_areas_change_nothing():
     )
 
 
-def test_area_weights_are_the_integrals_over_the_surface():
+def test_area_weights_give_integrals_over_the_surface():
     mesh = bundled("airplane")
     seg = heatwalk.segment(mesh.vertices, mesh.faces, density="area")
     kernel = np.maximum(dense.whole(seg.kernel), 1e-300)

@@ -12,7 +12,7 @@ def test_importing_loads_neither_scipy_nor_numba_nor_trimesh():
 
 
 @pytest.mark.parametrize("name", heatwalk.__all__)
-def test_every_public_name_is_there_and_listed(name):
+def test_every_public_name_exists_and_is_listed(name):
     assert getattr(heatwalk, name) is not None
     assert name in dir(heatwalk)
 

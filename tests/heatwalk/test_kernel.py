@@ -18,7 +18,7 @@ def spectrum_of(mesh, time):
 
 
 @pytest.mark.parametrize("name", ["ant", "airplane"])
-def test_the_factor_gives_the_kernel_of_all_eigenpairs(name):
+def test_the_factor_reproduces_the_kernel_of_all_eigenpairs(name):
     mesh = bundled(name)
     expected = dense.heat_kernel(np.asarray(mesh.vertices), mesh.faces, TIME)
     kernel = HeatKernel.from_spectrum(spectrum_of(mesh, TIME), TIME)
@@ -43,7 +43,7 @@ def test_heat_after_two_times_is_heat_after_their_sum():
     np.testing.assert_allclose(convolved, both[rows] @ both.T, rtol=0, atol=1e-9 * both[rows].max() ** 2)
 
 
-def test_the_diagonal_is_that_of_the_whole():
+def test_the_diagonal_equals_that_of_the_whole_kernel():
     kernel = HeatKernel.from_spectrum(spectrum_of(bundled("ant"), TIME), TIME)
     np.testing.assert_allclose(kernel.diagonal(), np.diag(dense.whole(kernel)), rtol=1e-12)
 
@@ -67,7 +67,7 @@ def test_row_blocks_are_bounded_and_cover_every_row_once(monkeypatch):
         assert np.concatenate([np.arange(len(part))[rows] for rows, _ in blocks]).tolist() == list(range(len(part)))
 
 
-def test_a_spectrum_that_is_too_short_for_the_time_is_refused():
+def test_a_spectrum_with_too_few_eigenvalues_for_the_time_is_rejected():
     spectrum = spectrum_of(bundled("ant"), 0.5)
-    with pytest.raises(ValueError, match=r"time 0.1 needs eigenvalues up to"):
+    with pytest.raises(ValueError, match=r"time 0.1 requires eigenvalues up to"):
         HeatKernel.from_spectrum(spectrum, 0.1)

@@ -31,13 +31,13 @@ def test_stiffness_is_positive_semi_definite(name):
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_mass_adds_up_to_the_area_of_one(name):
+def test_masses_sum_to_the_area_of_one(name):
     _, mass = operator(bundled(name))
     assert mass.min() > 0
     assert mass.sum() == pytest.approx(1, rel=1e-12)
 
 
-def test_stiffness_and_mass_are_those_of_the_angles():
+def test_stiffness_and_mass_equal_those_computed_from_the_angles():
     mesh = bundled("ant")
     stiffness, mass = stiffness_and_mass(mesh.vertices, mesh.faces)
     expected_stiffness, expected_mass = cotangent_operator(mesh.vertices, mesh.faces)

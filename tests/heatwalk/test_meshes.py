@@ -17,7 +17,7 @@ TETRAHEDRON = (
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e-200, 1e-30, 1.0, 1e30, 1e200, 1e307])
-def test_the_size_of_the_coordinates_does_not_matter(scale):
+def test_the_magnitude_of_the_coordinates_does_not_matter(scale):
     cow = read_mesh(bundled_path("cow"))
     vertices, faces = check_mesh(cow.vertices * scale, cow.faces)
     assert np.array_equal(vertices, cow.vertices * scale)
@@ -38,14 +38,14 @@ def test_numbers_of_every_type_and_layout_become_float64_and_int64(vertex_type, 
     assert np.array_equal(faces, TETRAHEDRON[1][:, ::-1])
 
 
-def test_lists_are_taken_as_arrays():
+def test_lists_are_converted_to_arrays():
     vertices, faces = check_mesh(TETRAHEDRON[0].tolist(), TETRAHEDRON[1].tolist())
     assert np.array_equal(vertices, TETRAHEDRON[0])
     assert np.array_equal(faces, TETRAHEDRON[1])
 
 
 @pytest.mark.parametrize("scale", [1e-200, 1.0, 1e200])
-def test_degenerate_faces_are_those_with_a_repeated_corner_or_without_height(scale):
+def test_faces_with_a_repeated_corner_or_no_height_are_degenerate(scale):
     vertices = scale * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0, 0], [1, 0, 0], [0.3, 1e-11, 0]])
     good = TETRAHEDRON[1].tolist()
     degenerate = [[0, 1, 1], [2, 2, 2], [0, 1, 4], [1, 5, 3], [5, 4, 0]]
@@ -93,7 +93,7 @@ def test_a_torus_has_euler_characteristic_0_and_a_sphere_2():
     assert inspect_mesh(sphere.vertices, sphere.faces).euler_characteristic == 2
 
 
-def test_every_triangle_taken_out_of_a_sphere_is_a_boundary_loop():
+def test_every_triangle_removed_from_a_sphere_leaves_a_boundary_loop():
     sphere = trimesh.creation.icosphere(3)
     apart = [0, 300, 600, 900]
     assert len(np.unique(sphere.faces[apart])) == 12
@@ -102,7 +102,7 @@ def test_every_triangle_taken_out_of_a_sphere_is_a_boundary_loop():
     assert report.euler_characteristic == 2 - 4
 
 
-def test_the_report_counts_what_is_wrong_with_the_faces():
+def test_the_report_counts_the_faults_of_the_faces():
     vertices, faces = TETRAHEDRON
     two = np.vstack([faces, faces + 4])
     report = inspect_mesh(np.vstack([vertices, vertices + 3]), two)
@@ -124,13 +124,13 @@ def test_the_report_counts_what_is_wrong_with_the_faces():
     assert report.problem == "1 of 5 vertices belong to no face (remove them): 4"
 
 
-def test_area_and_lengths_scale_far_beyond_where_their_squares_leave_the_range():
+def test_area_and_lengths_are_correct_even_if_their_squares_underflow():
     report = inspect_mesh(TETRAHEDRON[0] * 1e-150, TETRAHEDRON[1])
     assert report.mean_edge_length == pytest.approx(1e-150 * (3 + 3 * 2**0.5) / 6, rel=1e-12)
     assert report.area == pytest.approx(1e-300 * (1.5 + 3**0.5 / 2), rel=1e-12)
 
 
-def test_a_mesh_with_a_nan_is_reported_and_not_measured():
+def test_a_mesh_with_a_nan_is_reported_without_measurements():
     vertices = TETRAHEDRON[0].copy()
     vertices[2, 1] = np.nan
     report = inspect_mesh(vertices, TETRAHEDRON[1])

@@ -31,7 +31,7 @@ def segmented(mesh, **options):
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_the_result_is_what_its_documentation_says(name):
+def test_the_result_is_as_documented(name):
     mesh = bundled(name)
     seg = segmented(mesh)
     k = len(seg.exemplars)
@@ -87,14 +87,14 @@ def test_the_input_is_left_as_it_is():
 
 
 @pytest.mark.parametrize("convert", [np.ndarray.tolist, lambda a: a.astype(a.dtype.kind + "4"), np.asfortranarray])
-def test_lists_and_other_number_types_do(convert):
+def test_lists_and_other_number_types_are_accepted(convert):
     mesh = bundled("ant")
     vertices = np.asarray(mesh.vertices).astype(np.float32).astype(np.float64)
     seg = heatwalk.segment(convert(vertices), convert(np.asarray(mesh.faces)))
     assert np.array_equal(seg.labels, heatwalk.segment(vertices, mesh.faces).labels)
 
 
-def test_time_units_say_the_same_time():
+def test_equal_times_in_different_units_give_equal_labels():
     mesh = bundled("cow")
     paper = segmented(mesh, time=1.2)
     assert paper.standard_time == pytest.approx(0.2)
@@ -110,7 +110,7 @@ def test_longer_times_leave_fewer_exemplars():
     assert counts[0] > counts[1] > counts[2] >= 1
 
 
-def test_split_dissipators_are_the_connected_pieces_of_the_one_region():
+def test_split_dissipators_are_the_connected_pieces_of_the_dissipator_region():
     mesh = bundled("cow")
     whole, split = segmented(mesh, time=0.3), segmented(mesh, time=0.3, split_dissipators=True)
     k = len(whole.exemplars)
@@ -123,14 +123,14 @@ def test_split_dissipators_are_the_connected_pieces_of_the_one_region():
     assert split.labels.max() == k + len(pieces) - 1
 
 
-def test_several_components_share_one_dissipator_region_and_no_accumulator():
+def test_components_share_the_dissipator_region_but_no_accumulator_region():
     ant, cow = bundled("ant"), bundled("cow")
     seg = segmented(trimesh.util.concatenate([ant, cow]))
     n = len(ant.vertices)
     assert not set(seg.accumulator_labels[:n]) & set(seg.accumulator_labels[n:])
 
 
-def test_faces_take_the_label_two_corners_agree_on_else_the_first_corners():
+def test_faces_get_the_label_of_two_corners_or_else_that_of_the_first_corner():
     labels = np.array([0, 1, 2, 1])
     faces = np.array([[0, 1, 3], [1, 0, 3], [1, 3, 0], [0, 1, 2], [2, 1, 0], [0, 0, 1]])
     assert faces_from_vertices(labels, faces).tolist() == [1, 1, 1, 0, 2, 0]
@@ -138,7 +138,7 @@ def test_faces_take_the_label_two_corners_agree_on_else_the_first_corners():
 
 # 12 and 40 need fewer eigenvalues than .13: their kernels use the front of a spectrum that reaches far beyond them.
 @pytest.mark.parametrize(("name", "unit"), [("ant", "fiedler"), ("cow", "paper"), ("airplane", "paper")])
-def test_many_times_from_one_spectrum_are_those_from_a_spectrum_each(name, unit):
+def test_many_times_from_one_spectrum_equal_those_from_separate_spectra(name, unit):
     mesh = bundled(name)
     times = [1.0, 0.13, 12, 0.4, 40, 3]
     together = list(heatwalk.segment_at_times(mesh.vertices, mesh.faces, times, time_unit=unit))
@@ -152,7 +152,7 @@ def test_many_times_from_one_spectrum_are_those_from_a_spectrum_each(name, unit)
         np.testing.assert_allclose(seg.relative_entropy_excess, alone.relative_entropy_excess, rtol=0, atol=1e-8)
 
 
-def test_no_times_at_all_are_refused():
+def test_an_empty_list_of_times_is_rejected():
     with pytest.raises(ValueError, match="times is empty"):
         heatwalk.segment_at_times(bundled("ant").vertices, bundled("ant").faces, [])
 
@@ -193,7 +193,7 @@ def eigsh_spectrum(mesh, limit):
 
 
 @pytest.mark.parametrize("time", [0, -1, np.nan, np.inf])
-def test_a_time_that_is_not_positive_is_refused(time):
+def test_a_time_that_is_not_positive_is_rejected(time):
     with pytest.raises(ValueError, match="time must be positive and finite"):
         segmented(bundled("ant"), time=time)
 
@@ -201,8 +201,8 @@ def test_a_time_that_is_not_positive_is_refused(time):
 @pytest.mark.parametrize(
     ("option", "valid"), [("time_unit", "paper, standard, fiedler"), ("density", "vertices, area")]
 )
-def test_an_unknown_option_is_refused_with_the_valid_ones(option, valid):
-    with pytest.raises(ValueError, match=f"{option} must be one of {valid}, not 'furlong'"):
+def test_an_unknown_option_is_rejected_with_the_valid_ones(option, valid):
+    with pytest.raises(ValueError, match=f"{option} must be one of {valid}, got 'furlong'"):
         segmented(bundled("ant"), **{option: "furlong"})
 
 

@@ -64,7 +64,7 @@ def test_eigenvalues_of_the_flat_torus_converge_under_refinement():
 
 
 @pytest.mark.parametrize("name", ["ant", "airplane"])
-def test_eigenpairs_are_those_of_a_dense_solver(name):
+def test_eigenpairs_equal_those_of_a_dense_solver(name):
     mesh = bundled(name)
     points = unit_area(mesh.vertices, mesh.faces)
     stiffness, mass = stiffness_and_mass(points, mesh.faces)
@@ -74,7 +74,7 @@ def test_eigenpairs_are_those_of_a_dense_solver(name):
     expected = expected[expected <= 400]
     ours = np.sort(found.eigenvalues[np.isfinite(found.eigenvalues)])
     np.testing.assert_allclose(ours[: len(expected)], expected, rtol=1e-8, atol=1e-8)
-    assert found.residual <= spectrum_module.LARGEST_RESIDUAL
+    assert found.residual <= spectrum_module.MAX_RESIDUAL
 
 
 def test_eigenvectors_are_orthonormal_under_the_mass_and_satisfy_the_equation():
@@ -96,7 +96,7 @@ def test_the_same_mesh_gives_the_same_bits():
     assert np.array_equal(first.eigenvectors, second.eigenvectors)
 
 
-def test_asking_again_for_more_extends_what_was_found():
+def test_a_higher_limit_extends_the_spectrum():
     mesh = bundled("bunny")
     once = solver(mesh.vertices, mesh.faces)
     few, many = once.up_to(60), once.up_to(500)
@@ -142,7 +142,7 @@ def test_a_component_alone_and_among_others_has_the_same_eigenvalues():
 
 def test_a_missed_residual_is_an_error(monkeypatch):
     mesh = bundled("bunny")
-    monkeypatch.setattr(spectrum_module, "LARGEST_RESIDUAL", 1e-18)
+    monkeypatch.setattr(spectrum_module, "MAX_RESIDUAL", 1e-18)
     with pytest.raises(SpectrumError, match=r"residual of .* remesh or clean"):
         solver(mesh.vertices, mesh.faces).up_to(200)
 
@@ -183,7 +183,7 @@ def test_no_copy_of_a_multiple_eigenvalue_is_missed_at_any_limit():
         assert once.up_to(limit).eigenvalues.shape[1] == np.searchsorted(every, limit), f"up to eigenvalue {last}"
 
 
-def test_thousands_of_specks_are_solved_each_by_itself():
+def test_thousands_of_specks_are_solved_separately():
     speck = trimesh.creation.icosahedron()
     n, count = len(speck.vertices), 2000
     shift = np.arange(count)
@@ -231,10 +231,10 @@ def test_crowds_of_eigenvalues_that_are_nearly_copies_are_all_found(count, refin
     np.testing.assert_allclose(found, every[every <= limit], rtol=1e-9, atol=1e-9)
 
 
-def test_it_is_the_wider_blocks_that_find_what_the_first_has_too_few_columns_for(monkeypatch):
+def test_without_wider_blocks_copies_would_be_missed(monkeypatch):
     stiffness, mass, every = copies_of_a_sphere(12, 2)
-    monkeypatch.setattr(spectrum_module, "COPIES", -1)  # nothing is ever that near
-    monkeypatch.setattr(spectrum_module, "CROWDED", -1)
+    monkeypatch.setattr(spectrum_module, "COPY_TOLERANCE", -1)  # nothing is ever that near
+    monkeypatch.setattr(spectrum_module, "CLUSTER_TOLERANCE", -1)
     unprobed = SpectrumSolver(stiffness, mass, np.zeros(len(mass), dtype=int)).up_to(20).eigenvalues[0]
     assert len(unprobed) == 1 + spectrum_module.BLOCK_WIDTH < np.searchsorted(every, 20)
 
@@ -242,5 +242,5 @@ def test_it_is_the_wider_blocks_that_find_what_the_first_has_too_few_columns_for
 def test_a_matrix_that_is_not_semi_definite_is_an_error():
     mesh = bundled("bunny")
     stiffness, mass = stiffness_and_mass(unit_area(mesh.vertices, mesh.faces), mesh.faces)
-    with pytest.raises(SpectrumError, match=r"no factorisation: .* remesh or clean"):
+    with pytest.raises(SpectrumError, match=r"cannot be factorised: .* remesh or clean"):
         SpectrumSolver(-stiffness, mass, np.zeros(len(mass), dtype=int))

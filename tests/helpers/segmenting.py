@@ -1,4 +1,4 @@
-"""Segmenters for the tests of studies: one that takes no time, and one that misbehaves."""
+"""Segmenters for the tests of studies: a fast one, and one that misbehaves."""
 
 import os
 import time
@@ -10,7 +10,7 @@ from tests.helpers.meshes import bundled
 
 
 def halves(vertices, faces, seconds=0.0):
-    """Two segments, by x. Fails while there is a file ``broken`` in the current folder."""
+    """Two segments, by x. Fails while the current folder contains a file ``broken``."""
     time.sleep(seconds)
     if Path("broken").exists():
         raise RuntimeError("there is a file 'broken'")
@@ -18,7 +18,7 @@ def halves(vertices, faces, seconds=0.0):
 
 
 def hostile(vertices, faces):
-    """As `halves` for the ant in its own size; in others, what a trial should never do."""
+    """As `halves` for the ant in its original size; in other sizes, what a trial should never do."""
     size = round(np.ptp(vertices[:, 0]) / np.ptp(bundled("ant").vertices[:, 0]))
     if size == 2:
         os.abort()

@@ -1,4 +1,4 @@
-"""Decimation: what is left, and what became of every vertex."""
+"""Decimation: what remains, and what becomes of each vertex."""
 
 from collections import Counter
 
@@ -6,19 +6,16 @@ import numpy as np
 import pymeshlab
 import pytest
 import trimesh
-from perturb.sampling import _folded
 from scipy.cluster.hierarchy import DisjointSet
 from scipy.spatial.distance import cdist
 from trimesh.graph import connected_components
 
 import perturb
+from perturb.decimation import _find_folded
 from tests.helpers.meshes import bundled
+from tests.helpers.perturbing import rng
 
 BACKENDS = ["fast_simplification", "pymeshlab"]
-
-
-def rng(seed=0):
-    return np.random.default_rng(seed)
 
 
 def decimate(mesh, share, backend="fast_simplification"):
@@ -32,7 +29,7 @@ def mesh(request):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("share", [0.5, 0.1])
-def test_the_share_of_faces_asked_for_is_kept(mesh, share, backend):
+def test_the_requested_share_of_faces_is_kept(mesh, share, backend):
     result = decimate(mesh, share, backend)
     target = round(share * len(mesh.faces))
     dropped = result.applied["folded_triangles_removed"]
@@ -43,14 +40,14 @@ def test_the_share_of_faces_asked_for_is_kept(mesh, share, backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("share", [0.5, 0.02])
-def test_no_face_is_degenerate_and_no_two_are_the_same(mesh, share, backend):
+def test_no_face_is_degenerate_and_no_two_are_equal(mesh, share, backend):
     faces = np.sort(decimate(mesh, share, backend).mesh.faces, axis=1)
     assert (np.diff(faces, axis=1) > 0).all()
     assert len(np.unique(faces, axis=0)) == len(faces)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_the_shape_stays_closed_oriented_and_of_the_same_volume(backend):
+def test_the_shape_remains_closed_and_oriented_and_keeps_its_volume(backend):
     mesh = bundled("cow")
     result = decimate(mesh, 0.25, backend).mesh
     assert result.is_watertight
@@ -59,14 +56,14 @@ def test_the_shape_stays_closed_oriented_and_of_the_same_volume(backend):
 
 
 @pytest.mark.parametrize("share", [0.5, 0.1, 0.02])
-def test_faces_are_the_original_ones_seen_through_the_map(mesh, share):
-    """Collapsing edges renames corners; a face is gone if two of its corners got the same name."""
+def test_faces_are_the_original_ones_with_corners_renamed_by_the_counterparts(mesh, share):
+    """Collapsing edges renames corners; a face vanishes if two of its corners get the same name."""
     result = decimate(mesh, share)
     renamed = result.counterpart[mesh.faces]
     a, b, c = renamed.T
     renamed = renamed[(a != b) & (b != c) & (c != a)]
     result_faces = np.asarray(result.mesh.faces)
-    renamed = renamed[~_folded(renamed)]
+    renamed = renamed[~_find_folded(renamed)]
 
     def from_smallest(faces):
         return Counter(tuple(np.roll(face, -face.argmin())) for face in faces)
@@ -74,7 +71,7 @@ def test_faces_are_the_original_ones_seen_through_the_map(mesh, share):
     assert from_smallest(result_faces) == from_smallest(renamed)
 
 
-def test_vertices_with_the_same_counterpart_were_connected(mesh):
+def test_vertices_with_the_same_counterpart_are_connected(mesh):
     counterpart = decimate(mesh, 0.1).counterpart.tolist()
     merged = DisjointSet(range(len(mesh.vertices)))
     for a, b in mesh.edges_unique.tolist():
@@ -103,28 +100,28 @@ def test_pymeshlab_counterparts_are_the_nearest_vertices():
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_vertices_without_faces_are_gone(backend):
+def test_vertices_without_faces_are_removed(backend):
     cow = bundled("cow")
     vertices = np.insert(np.asarray(cow.vertices), 100, [0.0, 0.0, 0.0], axis=0)
-    stray = trimesh.Trimesh(vertices, cow.faces + (cow.faces >= 100), process=False)
-    result, plain = decimate(stray, 0.3, backend), decimate(cow, 0.3, backend)
+    with_unreferenced = trimesh.Trimesh(vertices, cow.faces + (cow.faces >= 100), process=False)
+    result, plain = decimate(with_unreferenced, 0.3, backend), decimate(cow, 0.3, backend)
     assert result.counterpart[100] == -1
     np.testing.assert_array_equal(np.delete(result.counterpart, 100), plain.counterpart)
     np.testing.assert_array_equal(result.mesh.faces, plain.mesh.faces)
 
 
-def test_a_component_folded_as_a_whole_is_gone():
+def test_a_component_that_folds_completely_is_removed():
     ant = bundled("ant")  # fifteen components
     result = decimate(ant, 0.1)
-    gone = result.counterpart < 0
-    whole = [part for part in connected_components(ant.edges_unique) if gone[part].any()]
+    removed = result.counterpart < 0
+    whole = [part for part in connected_components(ant.edges_unique) if removed[part].any()]
     assert 0 < len(whole) < 15
-    assert all(gone[part].all() for part in whole)
+    assert all(removed[part].all() for part in whole)
     assert result.applied["components_after"] == 15 - len(whole)
 
 
 def test_pymeshlab_does_not_depend_on_what_it_ran_before():
-    """Its filter remembers a flag once set: every flag that matters is set on every call."""
+    """Its filter remembers flags, so every flag that matters is set in each call."""
     cow = bundled("cow")
     first = decimate(cow, 0.3, "pymeshlab")
     meshes = pymeshlab.MeshSet()
@@ -136,12 +133,12 @@ def test_pymeshlab_does_not_depend_on_what_it_ran_before():
     np.testing.assert_array_equal(second.mesh.faces, first.mesh.faces)
 
 
-def test_folded_faces_cancel_and_repeated_ones_stay_once():
+def test_folded_faces_cancel_and_of_repeated_ones_one_remains():
     faces = np.array(
         [
             [0, 1, 2],  # cancels with the next
             [1, 0, 2],
-            [3, 4, 5],  # stays, its repetition goes
+            [3, 4, 5],  # kept, its repetition is not
             [4, 5, 3],
             [6, 6, 7],  # degenerate
             [8, 9, 10],  # two of this orientation
@@ -150,4 +147,4 @@ def test_folded_faces_cancel_and_repeated_ones_stay_once():
             [11, 13, 12],  # alone
         ]
     )
-    np.testing.assert_array_equal(np.flatnonzero(~_folded(faces)), [2, 5, 8])
+    np.testing.assert_array_equal(np.flatnonzero(~_find_folded(faces)), [2, 5, 8])

@@ -1,7 +1,4 @@
-"""Scaling and missing parts: what is left, and where it was before."""
-
-import heapq
-import math
+"""Missing parts: which vertices and faces are removed, and which remain."""
 
 import numpy as np
 import pytest
@@ -10,49 +7,14 @@ from hypothesis import strategies as st
 
 import perturb
 from tests.helpers.meshes import bundled
+from tests.helpers.perturbing import assert_only_these_faces_are_removed, distances_along_edges, rng
 
 COW = bundled("cow")
 
 
-def rng(seed=0):
-    return np.random.default_rng(seed)
-
-
-def distances_along_edges(mesh, source):
-    """Dijkstra's algorithm, plainly."""
-    neighbours = [{} for _ in mesh.vertices]
-    for (a, b), length in zip(mesh.edges_unique.tolist(), mesh.edges_unique_length, strict=True):
-        neighbours[a][b] = neighbours[b][a] = length
-    distance = np.full(len(mesh.vertices), math.inf)
-    queue = [(0.0, source)]
-    while queue:
-        reached, vertex = heapq.heappop(queue)
-        if reached < distance[vertex]:
-            distance[vertex] = reached
-            for other, length in neighbours[vertex].items():
-                heapq.heappush(queue, (reached + length, other))
-    return distance
-
-
-def assert_rest_is_the_original_without(mesh, result, removed):
-    """What is left is exactly the faces of `mesh` with no corner in `removed` (n,) bool, in order."""
-    there = result.counterpart >= 0
-    np.testing.assert_array_equal(result.mesh.vertices[result.counterpart[there]], np.asarray(mesh.vertices)[there])
-    kept = np.asarray(mesh.faces)[~removed[mesh.faces].any(axis=1)]
-    np.testing.assert_array_equal(result.mesh.faces, result.counterpart[kept])
-    np.testing.assert_array_equal(np.flatnonzero(there), np.unique(kept))
-    assert result.applied["triangles_removed"] == len(mesh.faces) - len(kept)
-    assert result.applied["vertices_removed"] == np.count_nonzero(~there)
-
-
-@pytest.mark.parametrize("factor", [0.5, 1.5, 3, 10])
-def test_scaling_multiplies_coordinates_and_nothing_else(factor):
-    mesh = bundled("bunny")
-    result = perturb.Scaling(factor)(mesh, rng())
-    np.testing.assert_array_equal(result.mesh.vertices, factor * mesh.vertices)
-    np.testing.assert_array_equal(result.mesh.faces, mesh.faces)
-    np.testing.assert_array_equal(result.counterpart, np.arange(len(mesh.vertices)))
-    assert result.mesh.area == pytest.approx(factor**2 * mesh.area, rel=1e-12)
+def assert_these_vertices_are_removed(mesh, result, removed):
+    """Assert that `result` is `mesh` without all faces that touch the `removed` (n,) bool vertices."""
+    assert_only_these_faces_are_removed(mesh, result, removed[mesh.faces].any(axis=1))
 
 
 @pytest.mark.parametrize("name", ["cow", "ant", "bunny"])
@@ -63,10 +25,10 @@ def test_a_ball_takes_the_vertices_nearest_along_the_edges(name, share):
     parameters = missing.sample(mesh, rng(4))
     result = missing.apply(mesh, parameters)
     distance = distances_along_edges(mesh, parameters["centre"])
-    straight = np.linalg.norm(mesh.vertices - mesh.vertices[parameters["centre"]], axis=1)
+    in_space = np.linalg.norm(mesh.vertices - mesh.vertices[parameters["centre"]], axis=1)
     removed = np.zeros(len(mesh.vertices), dtype=bool)
-    removed[np.lexsort((straight, distance))[: round(share * len(mesh.vertices))]] = True
-    assert_rest_is_the_original_without(mesh, result, removed)
+    removed[np.lexsort((in_space, distance))[: round(share * len(mesh.vertices))]] = True
+    assert_these_vertices_are_removed(mesh, result, removed)
     assert result.counterpart[parameters["centre"]] == -1
 
 
@@ -81,12 +43,12 @@ def test_a_plane_takes_the_vertices_farthest_in_its_direction(share, seed):
     count = round(share * len(COW.vertices))
     removed = np.zeros(len(COW.vertices), dtype=bool)
     removed[np.argsort(-height, kind="stable")[:count]] = True
-    assert_rest_is_the_original_without(COW, result, removed)
-    left = result.mesh.vertices @ direction
-    assert left.max() <= height[removed].min(initial=np.inf)
+    assert_these_vertices_are_removed(COW, result, removed)
+    remaining = result.mesh.vertices @ direction
+    assert remaining.max() <= height[removed].min(initial=np.inf)
 
 
-def test_the_share_missing_is_what_was_asked_for_on_benchmark_meshes(psb_mesh):
+def test_the_missing_share_is_the_requested_one_on_benchmark_meshes(psb_mesh):
     mesh = psb_mesh(10)
     n = len(mesh.vertices)
     for shape in ("geodesic_ball", "plane"):

@@ -1,33 +1,15 @@
-"""What the two kinds of noise move, by how much, and in which direction."""
+"""Normal noise: by how much each vertex moves, and in which direction."""
 
 import numpy as np
 import pytest
 import scipy.stats
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import perturb
-from perturb import PerturbationError
 from tests.helpers.meshes import bundled
+from tests.helpers.perturbing import normals, rng
 
-ANT, COW = bundled("ant"), bundled("cow")
-
-
-def rng(seed=0):
-    return np.random.default_rng(seed)
-
-
-def normals(mesh):
-    """Angle-weighted vertex normals, from the two edges at every corner."""
-    here, there, yonder = (np.asarray(mesh.vertices)[np.roll(mesh.faces, -k, axis=1)] for k in range(3))
-    a, b = there - here, yonder - here
-    normal = np.cross(a, b)
-    sine, cosine = np.linalg.norm(normal, axis=2), (a * b).sum(axis=2)
-    weight = np.arctan2(sine, cosine) / np.where(sine > 0, sine, 1)
-    total = np.zeros((len(mesh.vertices), 3))
-    np.add.at(total, mesh.faces, weight[..., None] * normal)
-    return total / np.linalg.norm(total, axis=1, keepdims=True)
+COW = bundled("cow")
 
 
 @pytest.mark.parametrize(
@@ -79,51 +61,15 @@ def test_positive_lengths_point_outwards():
     noise = perturb.NormalNoise(0.05)
     swollen = noise.apply(COW, {"lengths": np.ones(len(COW.vertices))}).mesh
     assert swollen.volume > COW.volume > 0
-    # To first order the volume grows by area times distance; 0.05 mean edge lengths are not quite nothing.
+    # To first order the volume grows by area times distance; 0.05 mean edge lengths are not negligible.
     thickness = 0.05 * COW.edges_unique_length.mean()
     assert swollen.volume - COW.volume == pytest.approx(COW.area * thickness, rel=0.05)
 
 
-@settings(max_examples=30, deadline=None)
-@given(share=st.floats(0, 1), height=st.floats(0.001, 5), seed=st.integers(0, 2**32))
-def test_shot_noise_turns_exactly_the_share_into_spikes_of_exactly_the_height(share, height, seed):
-    mesh = ANT
-    result = perturb.ShotNoise(share, height=height)(mesh, rng(seed))
-    displacement = result.mesh.vertices - mesh.vertices
-    distance = np.linalg.norm(displacement, axis=1)
-    spikes = distance > 0
-    absolute = height * mesh.edges_unique_length.mean()
-    assert spikes.sum() == round(share * len(mesh.vertices)) == result.applied["vertices_moved"]
-    np.testing.assert_allclose(distance[spikes], absolute, atol=1e-12 * mesh.scale)
-    np.testing.assert_array_equal(result.mesh.vertices[~spikes], mesh.vertices[~spikes])
-    np.testing.assert_array_equal(result.counterpart, np.arange(len(mesh.vertices)))
-    assert result.applied["absolute_height"] == pytest.approx(absolute, rel=1e-12)
-
-
-@pytest.mark.parametrize("share", [0.11, 0.63])
-def test_spikes_stand_along_or_against_the_normal_at_figure_10_heights(psb_mesh, share):
-    mesh = psb_mesh(10)
-    shot = perturb.ShotNoise(0.06, height=share, height_unit="bounding_box_diagonal")
-    displacement = shot(mesh, rng()).mesh.vertices - mesh.vertices
-    spikes = displacement.any(axis=1)
-    signed = np.einsum("ij,ij->i", displacement, normals(mesh))[spikes]
-    np.testing.assert_allclose(np.abs(signed), share * np.linalg.norm(mesh.extents), rtol=1e-9)
-    outwards = np.count_nonzero(signed > 0)
-    assert scipy.stats.binomtest(outwards, len(signed)).pvalue > 0.001
-
-
-def test_height_0_moves_nothing():
-    result = perturb.ShotNoise(0.5, height=0)(COW, rng())
-    np.testing.assert_array_equal(result.mesh.vertices, COW.vertices)
-    assert result.applied["vertices_moved"] == 0
-
-
-def test_vertices_without_a_normal_stay_and_become_no_spikes():
+def test_vertices_without_a_normal_do_not_move():
     n = len(COW.vertices)
     vertices = np.concatenate([COW.vertices, COW.vertices[:1]])
-    stray = trimesh.Trimesh(vertices, COW.faces, process=False)
-    moved = perturb.NormalNoise(1.0)(stray, rng())
+    with_unreferenced = trimesh.Trimesh(vertices, COW.faces, process=False)
+    moved = perturb.NormalNoise(1.0)(with_unreferenced, rng())
     np.testing.assert_array_equal(moved.mesh.vertices[-1], vertices[-1])
     assert moved.applied["vertices_moved"] == n
-    with pytest.raises(PerturbationError, match=rf"{n + 1} spikes are asked for, but only {n} of {n + 1} vertices"):
-        perturb.ShotNoise(1.0)(stray, rng())

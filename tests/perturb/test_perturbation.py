@@ -1,9 +1,8 @@
-"""What every perturbation promises, whatever it does."""
+"""What is required of every perturbation, whatever it does."""
 
 import dataclasses
 import hashlib
-import json
-import pickle
+from importlib import import_module
 from pathlib import Path
 
 import hydra
@@ -15,8 +14,9 @@ from scipy.cluster.hierarchy import DisjointSet
 
 import perturb
 from perturb import PerturbationError
-from perturb.perturbation import LENGTHS
+from perturb.testing import check_perturbation
 from tests.helpers.meshes import bundled
+from tests.helpers.perturbing import rng
 
 EXAMPLES = [
     perturb.NormalNoise(0.34),
@@ -38,12 +38,15 @@ EXAMPLES = [
     perturb.Tessellation(2.0, method="anisotropic"),
     perturb.Tessellation(2.0, method="irregular"),
 ]
-CERTAIN = (perturb.Decimation, perturb.Scaling)
+DETERMINISTIC = (perturb.Decimation, perturb.Scaling)
 RANDOM = [
     example
     for example in EXAMPLES
-    if not (isinstance(example, CERTAIN) or getattr(example, "method", "") in ("isotropic", "subdivision"))
+    if not (isinstance(example, DETERMINISTIC) or getattr(example, "method", "") in ("isotropic", "subdivision"))
 ]
+SHIPPED = sorted({example.name for example in EXAMPLES})
+# A perturbation that is added to the package is checked without being listed here.
+ADDED = [perturb.get(name)() for name in perturb.names() if name not in SHIPPED]
 every_example = pytest.mark.parametrize("perturbation", EXAMPLES, ids=repr)
 CONFIGS = sorted((Path(__file__).parents[2] / "conf" / "perturbation").glob("*.yaml"))
 
@@ -53,18 +56,14 @@ def mesh(request):
     return bundled(request.param)
 
 
-def rng(seed=0):
-    return np.random.default_rng(seed)
-
-
 def digest(mesh):
     arrays = np.asarray(mesh.vertices).tobytes() + np.asarray(mesh.faces).tobytes()
     return hashlib.sha256(arrays).hexdigest()
 
 
-def test_examples_cover_every_registered_name():
-    assert perturb.names() == sorted({example.name for example in EXAMPLES})
-    assert perturb.names() == [
+def test_every_shipped_perturbation_has_an_example():
+    assert set(SHIPPED) <= set(perturb.names())
+    assert SHIPPED == [
         "decimation",
         "holes",
         "missing_parts",
@@ -76,98 +75,65 @@ def test_examples_cover_every_registered_name():
     ]
 
 
-@pytest.mark.parametrize("name", perturb.names())
-def test_get_gives_the_class_of_that_name(name):
+@pytest.mark.parametrize("name", SHIPPED)
+def test_get_returns_the_class_of_that_name(name):
     assert perturb.get(name).name == name
     assert perturb.get(name) is getattr(perturb, "".join(word.title() for word in name.split("_")))
 
 
-def test_an_unknown_name_is_answered_with_the_names_there_are():
+def test_an_unknown_name_is_answered_with_the_registered_ones():
     with pytest.raises(PerturbationError, match=r"'hole'.*decimation, holes, missing_parts"):
         perturb.get("hole")
 
 
-@every_example
-def test_the_input_is_not_touched_nor_shared(perturbation, mesh):
-    before = digest(mesh)
-    result = perturbation(mesh, rng())
-    assert digest(mesh) == before
-    assert not np.shares_memory(result.mesh.vertices, mesh.vertices)
-    assert not np.shares_memory(result.mesh.faces, mesh.faces)
+@pytest.mark.parametrize("perturbation", EXAMPLES + ADDED, ids=repr)
+def test_every_perturbation_conforms_on_the_meshes_of_the_suite(perturbation):
+    check_perturbation(perturbation)
 
 
 @every_example
-def test_the_same_seed_gives_the_same_result(perturbation, mesh):
-    first, second = perturbation(mesh, rng(7)), perturbation(mesh, rng(7))
-    assert digest(first.mesh) == digest(second.mesh)
-    np.testing.assert_array_equal(first.counterpart, second.counterpart)
-    assert first.applied == second.applied
+def test_every_example_conforms_on_real_meshes(perturbation, mesh):
+    check_perturbation(perturbation, [mesh])
 
 
 @pytest.mark.parametrize("perturbation", RANDOM, ids=repr)
-def test_another_seed_gives_another_result(perturbation, mesh):
+def test_another_seed_yields_another_result(perturbation, mesh):
     assert digest(perturbation(mesh, rng(7)).mesh) != digest(perturbation(mesh, rng(8)).mesh)
-
-
-@every_example
-def test_sampled_parameters_can_be_applied_again(perturbation, mesh):
-    parameters = perturbation.sample(mesh, rng(3))
-    called = perturbation(mesh, rng(3))
-    for _ in range(2):
-        applied = perturbation.apply(mesh, parameters)
-        assert digest(applied.mesh) == digest(called.mesh)
-        np.testing.assert_array_equal(applied.counterpart, called.counterpart)
-        assert applied.applied == called.applied
-
-
-@every_example
-def test_the_neutral_amount_is_the_identity(perturbation, mesh):
-    result = dataclasses.replace(perturbation, amount=perturbation.neutral)(mesh, rng())
-    np.testing.assert_array_equal(result.mesh.vertices, mesh.vertices)
-    np.testing.assert_array_equal(result.mesh.faces, mesh.faces)
-    np.testing.assert_array_equal(result.counterpart, np.arange(len(mesh.vertices)))
-    assert not np.shares_memory(result.mesh.vertices, mesh.vertices)
 
 
 @every_example
 def test_the_neutral_amount_keeps_even_vertices_without_faces(perturbation):
     cow = bundled("cow")
     vertices = np.concatenate([[[9.0, 9.0, 9.0]], cow.vertices])
-    stray = trimesh.Trimesh(vertices, cow.faces + 1, process=False)
-    result = dataclasses.replace(perturbation, amount=perturbation.neutral)(stray, rng())
+    with_unreferenced = trimesh.Trimesh(vertices, cow.faces + 1, process=False)
+    result = dataclasses.replace(perturbation, amount=perturbation.neutral)(with_unreferenced, rng())
     np.testing.assert_array_equal(result.mesh.vertices, vertices)
     np.testing.assert_array_equal(result.counterpart, np.arange(len(vertices)))
 
 
-def test_amount_0_is_the_neutral_one_except_where_it_would_leave_nothing():
-    neutral = {name: perturb.get(name).neutral for name in perturb.names()}
-    assert neutral == dict.fromkeys(perturb.names(), 0.0) | {"decimation": 1.0, "scaling": 1.0}
+def test_amount_0_is_neutral_unless_it_would_leave_nothing():
+    neutral = {perturb.get(name).name: perturb.get(name).neutral for name in SHIPPED}
+    assert neutral == dict.fromkeys(SHIPPED, 0.0) | {"decimation": 1.0, "scaling": 1.0}
     for name in ("decimation", "scaling"):
         with pytest.raises(PerturbationError, match="must be above 0"):
             perturb.get(name)(amount=0)
 
 
 @every_example
-def test_counterparts_are_vertices_of_the_result_or_gone(perturbation, mesh):
+def test_counterparts_cover_the_result_unless_they_are_found_by_nearness(perturbation, mesh):
     result = perturbation(mesh, rng())
-    assert result.counterpart.shape == (len(mesh.vertices),)
-    assert result.counterpart.dtype == np.int64
-    there = result.counterpart[result.counterpart >= 0]
-    assert result.counterpart.min() >= -1
-    # Every vertex of the result comes from somewhere; where nearness decides that need not be so.
+    used = np.arange(len(result.mesh.vertices))
     if result.applied.get("counterpart_by") not in ("nearest_vertex", "closest_point"):
-        np.testing.assert_array_equal(np.unique(there), np.arange(len(result.mesh.vertices)))
-    assert there.max() < len(result.mesh.vertices)
-    np.testing.assert_array_equal(np.unique(result.mesh.faces), np.arange(len(result.mesh.vertices)))
+        np.testing.assert_array_equal(np.unique(result.counterpart[result.counterpart >= 0]), used)
+    np.testing.assert_array_equal(np.unique(result.mesh.faces), used)
 
 
 @every_example
-def test_applied_survives_json_and_holds_plain_scalars_only(perturbation, mesh):
-    applied = dataclasses.replace(perturbation, amount=np.float64(perturbation.amount))(mesh, rng()).applied
-    assert json.loads(json.dumps(applied, allow_nan=False)) == applied
+def test_numpy_scalars_as_fields_become_plain_numbers_in_applied(perturbation):
+    with_numpy = dataclasses.replace(perturbation, amount=np.float64(perturbation.amount))
+    applied = with_numpy(bundled("ant"), rng()).applied
     assert {type(value) for value in applied.values()} <= {str, int, float, bool, type(None)}
-    assert applied["name"] == perturbation.name
-    assert {f.name: applied[f.name] for f in dataclasses.fields(perturbation)} == dataclasses.asdict(perturbation)
+    assert applied["amount"] == perturbation.amount
 
 
 @every_example
@@ -183,16 +149,6 @@ def test_applied_counts_vertices_faces_and_components(perturbation, mesh):
         assert result.applied[f"components_{when}"] == components.n_subsets
 
 
-@every_example
-def test_perturbations_and_their_results_survive_pickling(perturbation, mesh):
-    assert pickle.loads(pickle.dumps(perturbation)) == perturbation
-    result = perturbation(mesh, rng())
-    again = pickle.loads(pickle.dumps(result))
-    assert digest(again.mesh) == digest(result.mesh)
-    np.testing.assert_array_equal(again.counterpart, result.counterpart)
-    assert again.applied == result.applied
-
-
 @pytest.mark.parametrize("factor", [2.0**-100, 2.0**100])  # powers of two: scaling rounds nothing
 @every_example
 def test_amounts_are_relative_so_a_scaled_mesh_is_perturbed_alike(perturbation, mesh, factor):
@@ -204,24 +160,15 @@ def test_amounts_are_relative_so_a_scaled_mesh_is_perturbed_alike(perturbation, 
     assert difference <= 1e-12 * mesh.scale
 
 
-def test_units_of_length_are_those_of_the_mesh():
-    mesh = bundled("cow")
-    corners = np.asarray(mesh.vertices)[np.unique(mesh.edges_sorted, axis=0)]
-    edges = np.linalg.norm(corners[:, 0] - corners[:, 1], axis=1)
-    box = mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0)
-    assert LENGTHS["mean_edge_length"](mesh) == pytest.approx(edges.mean(), rel=1e-12)
-    assert LENGTHS["bounding_box_diagonal"](mesh) == pytest.approx(np.sqrt((box**2).sum()), rel=1e-12)
-
-
-@pytest.mark.parametrize("name", perturb.names())
+@pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("amount", [-0.1, float("nan"), float("inf"), "much", None])
-def test_an_amount_that_is_no_size_is_refused(name, amount):
+def test_an_amount_that_is_not_a_finite_number_of_at_least_0_is_refused(name, amount):
     with pytest.raises(PerturbationError, match=rf"{name}: amount is .*must be a number of at least 0"):
         perturb.get(name)(amount=amount)
 
 
-@pytest.mark.parametrize("name", perturb.names())
-def test_an_unknown_unit_is_answered_with_the_units_there_are(name):
+@pytest.mark.parametrize("name", SHIPPED)
+def test_an_unknown_unit_is_answered_with_the_valid_ones(name):
     with pytest.raises(PerturbationError, match=f"{name}: unit is 'furlong'; choose one of") as error:
         perturb.get(name)(unit="furlong")
     assert str(error.value).endswith(", ".join(perturb.get(name).choices["unit"]))
@@ -242,7 +189,7 @@ def test_an_unknown_unit_is_answered_with_the_units_there_are(name):
         (lambda: perturb.ShortCircuits(near=0.2, far=0.2), "far must be at least 1.5 times near"),
         (lambda: perturb.ShortCircuits(bridge="rope"), "choose one of tube, strip"),
         (lambda: perturb.Tessellation(method="random"), "choose one of isotropic, subdivision, anisotropic, irregular"),
-        (lambda: perturb.Tessellation(2, method="subdivision"), "amount is 2, and subdivision makes 4, 16, 64"),
+        (lambda: perturb.Tessellation(2, method="subdivision"), "amount is 2, but subdivision makes 4, 16, 64"),
         (lambda: perturb.Tessellation(stretch=0.5), "stretch is 0.5; it must be above 1"),
         (lambda: perturb.Tessellation(grading=float("inf")), "grading is inf"),
         (lambda: perturb.Decimation(1.01), "at most 1"),
@@ -267,9 +214,9 @@ def test_options_out_of_range_are_refused_when_built(make, message):
         ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, np.nan]], [[0, 1, 2], [0, 2, 3]], "not finite"),
     ],
 )
-def test_a_mesh_that_nothing_can_be_done_with_is_refused(perturbation, vertices, faces, message):
+def test_an_unusable_mesh_is_refused(perturbation, vertices, faces, message):
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    with pytest.raises(PerturbationError, match=f"{perturbation.name}: the mesh handed in .*{message}"):
+    with pytest.raises(PerturbationError, match=f"{perturbation.name}: the input mesh .*{message}"):
         perturbation(mesh, rng())
 
 
@@ -278,15 +225,15 @@ def test_a_mesh_that_nothing_can_be_done_with_is_refused(perturbation, vertices,
     [
         (perturb.Holes(1, "share_of_triangles"), "the result has no face"),
         (perturb.Holes(911), "the result has fewer than 4 vertices"),
-        (perturb.Holes(913), "913 triangles are asked for; the mesh has 912"),
-        (perturb.Holes(487, "one_rings"), "487 one_rings are asked for; the mesh has 486"),
+        (perturb.Holes(913), "913 triangles were requested, but the mesh has 912"),
+        (perturb.Holes(487, "one_rings"), "487 one_rings were requested, but the mesh has 486"),
         (perturb.MissingParts(0.999), "the result has no face"),
         (perturb.Decimation(0.001), "the result"),
         (perturb.Scaling(1e308), "not finite"),
     ],
     ids=repr,
 )
-def test_a_result_of_which_nothing_is_left_is_refused(perturbation, message):
+def test_an_unusable_result_is_refused(perturbation, message):
     with pytest.raises(PerturbationError, match=message):
         perturbation(bundled("ant"), rng())
 
@@ -301,5 +248,91 @@ def test_the_shipped_config_names_every_field_with_its_default(path):
     assert level == dataclasses.replace(perturbation, amount=perturbation.neutral)
 
 
-def test_every_perturbation_ships_a_config():
+def test_every_perturbation_ships_a_config(own_registry):
     assert [path.stem for path in CONFIGS] == perturb.names()
+
+
+@pytest.fixture(scope="module")
+def own(module_registry):
+    """The module of an author's perturbations, which are registered during these tests only."""
+    return import_module("tests.helpers.own_perturbations")
+
+
+@pytest.mark.parametrize(("name", "fields"), [("Shift", ()), ("Stretch", (0.5, "factor"))])
+def test_an_authors_own_perturbation_is_registered_and_conforms(name, fields, own):
+    perturbation = getattr(own, name)(*fields)
+    assert perturb.get(perturbation.name) is type(perturbation)
+    assert perturbation.name in perturb.names()
+    check_perturbation(perturbation)
+
+
+def test_an_authors_own_perturbation_is_no_attribute_of_the_package(own):
+    assert "shift" in perturb.names()
+    assert not hasattr(perturb, "Shift")
+
+
+def test_facts_that_are_numpy_scalars_become_plain_numbers(own):
+    mesh = bundled("ant")
+    applied = own.Shift(2.0)(mesh, rng()).applied
+    assert type(applied["shift"]) is float
+    assert applied["shift"] == 2 * perturb.LENGTHS["mean_edge_length"](mesh)
+
+
+def test_a_name_that_belongs_to_another_class_is_refused(own_registry):
+    perturb.names()
+    with pytest.raises(
+        PerturbationError, match=r"Mine cannot have the name 'holes': it belongs to perturb\.holes\.Holes"
+    ):
+
+        class Mine(perturb.Holes):
+            name = "holes"
+
+    assert perturb.get("holes") is perturb.Holes
+
+
+def test_a_class_that_inherits_its_name_is_not_registered(own_registry):
+    class More(perturb.Holes):
+        pass
+
+    assert perturb.get("holes") is perturb.Holes
+    assert More(3).name == "holes"
+
+
+def test_a_class_defined_again_replaces_its_earlier_definition(own_registry):
+    def define():
+        class Again(perturb.Holes):
+            name = "again"
+
+        return Again
+
+    first, second = define(), define()
+    assert perturb.get("again") is second
+    assert first is not second
+
+
+@pytest.mark.parametrize("missing", ["name", "choices"])
+def test_a_class_without_a_name_or_choices_cannot_be_instantiated(own_registry, missing):
+    class Nameless(perturb.Perturbation):
+        def apply(self, mesh, parameters):
+            raise NotImplementedError
+
+    if missing == "choices":
+        Nameless.name = "nameless"
+    with pytest.raises(PerturbationError, match=f"Nameless does not define '{missing}'"):
+        Nameless(1.0, "count")
+
+
+@pytest.mark.parametrize(
+    ("counterpart", "message"),
+    [
+        (np.arange(485), r"shape \(485,\) and type int64; expected shape \(486,\)"),
+        (np.arange(486.0), r"type float64; expected shape \(486,\) and integers"),
+        (np.arange(486) + 1, r"values from 1 to 486; they must be indices of the 486 vertices"),
+        (np.arange(486) - 2, r"values from -2 to 483"),
+    ],
+)
+def test_a_counterpart_that_does_not_fit_the_meshes_is_a_mistake_of_the_author(counterpart, message, own):
+    mesh = bundled("ant")
+    with pytest.raises(ValueError, match=message) as error:
+        own.Shift().finish(mesh, mesh.copy(), counterpart)
+    assert not isinstance(error.value, PerturbationError)

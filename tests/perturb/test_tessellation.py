@@ -1,4 +1,4 @@
-"""Tessellations: how many triangles, of which shape, on the same surface; and what became of every vertex."""
+"""Tessellations: number and shape of the triangles, their distance from the surface, and the counterparts."""
 
 import hashlib
 import subprocess
@@ -13,12 +13,9 @@ import trimesh
 import perturb
 from perturb import PerturbationError
 from tests.helpers.meshes import bundled
+from tests.helpers.perturbing import rng
 
 AMOUNTS = (0.5, 1.5)
-
-
-def rng(seed=0):
-    return np.random.default_rng(seed)
 
 
 def tessellate(mesh, amount, method="isotropic", seed=0):
@@ -26,7 +23,7 @@ def tessellate(mesh, amount, method="isotropic", seed=0):
 
 
 def distances(mesh, points):
-    """Of points, or a thousand of them, from a surface, by VTK."""
+    """Distances of points, at most a thousand of them, from a surface, by VTK."""
     some = rng().permutation(points)[:1000]
     cloud = pyvista.PolyData(some).compute_implicit_distance(pyvista.wrap(mesh))
     return np.abs(cloud["implicit_distance"])
@@ -65,7 +62,7 @@ def test_the_number_of_faces_is_met_within_the_tolerance(tessellated):
         assert result.applied["ratio_of_faces_reached"] == ratio
 
 
-def test_the_topology_and_the_orientation_stay(tessellated):
+def test_the_topology_and_the_orientation_are_preserved(tessellated):
     mesh, results = tessellated
     for result in results:
         _, uses = np.unique(result.mesh.edges_sorted, axis=0, return_counts=True)
@@ -77,7 +74,7 @@ def test_the_topology_and_the_orientation_stay(tessellated):
         assert result.mesh.volume == pytest.approx(mesh.volume, rel=0.1)
 
 
-def test_new_vertices_lie_on_the_surface_and_the_surface_stays_near(tessellated):
+def test_new_vertices_are_on_the_surface_and_the_surface_remains_near(tessellated):
     mesh, results = tessellated
     diagonal = np.linalg.norm(mesh.extents)
     for result in results:
@@ -105,7 +102,7 @@ def test_a_counterpart_is_the_nearest_corner_of_the_closest_triangle(tessellated
 
 
 @pytest.mark.parametrize("model", ["cow", "bunny"])
-def test_isotropic_triangles_are_nearly_equilateral_and_of_one_size(model):
+def test_isotropic_triangles_are_nearly_equilateral_and_of_uniform_size(model):
     mesh = bundled(model)
     result = tessellate(mesh, 1.0).mesh
     smallest = trimesh.triangles.angles(result.triangles).min(axis=1)
@@ -137,18 +134,18 @@ def test_irregular_triangles_grow_from_an_extremity_with_the_square_of_the_dista
     result = method(mesh, rng()).mesh
     middle = np.asarray(result.vertices)[result.edges_unique].mean(axis=1)
     top = mesh.vertices[(mesh.vertices @ direction).argmax()]
-    # The point outside from which the farthest vertex is √8 times as far as the extremity.
+    # The point outside the shape from which the farthest vertex is √8 times as far as the extremity.
     heights = np.linspace(0.01, 3, 3000) * mesh.scale
     farthest = [np.linalg.norm(mesh.vertices - top - height * direction, axis=1).max() for height in heights]
     height = heights[np.abs(np.array(farthest) / heights - np.sqrt(8)).argmin()]
     distance = np.linalg.norm(middle - top - height * direction, axis=1)
     exponent, _ = np.polyfit(np.log(distance), np.log(result.edges_unique_length), 1)
-    assert exponent == pytest.approx(2, abs=0.15)  # edges that are kept keep their length
+    assert exponent == pytest.approx(2, abs=0.15)  # preserved edges keep their length
     smallest = trimesh.triangles.angles(result.triangles).min(axis=1)
     assert np.degrees(np.median(smallest)) > 45
 
 
-def test_subdivision_cuts_every_triangle_into_four_and_leaves_every_vertex():
+def test_subdivision_divides_every_triangle_into_four_and_keeps_every_vertex():
     mesh = bundled("bunny")
     once, twice = (tessellate(mesh, amount, "subdivision") for amount in (4, 16))
     for result, pieces in ((once, 4), (twice, 16)):
@@ -173,8 +170,8 @@ print(hashlib.sha256(arrays).hexdigest())
 """
 
 
-def test_another_process_gives_the_same_whatever_pymeshlab_ran_before():
-    """Its filters remember what they were given until the process ends: every option is given on every call."""
+def test_another_process_yields_the_same_result_whatever_pymeshlab_ran_before():
+    """Its filters remember options until the process ends, so every option is set in each call."""
     cow = bundled("cow")
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(cow.vertices, cow.faces))
@@ -189,17 +186,17 @@ def test_another_process_gives_the_same_whatever_pymeshlab_ran_before():
     assert other.stdout.decode().strip() == hashlib.sha256(arrays).hexdigest()
 
 
-def test_vertices_without_faces_are_gone():
+def test_vertices_without_faces_are_removed():
     cow = bundled("cow")
     vertices = np.insert(np.asarray(cow.vertices), 100, cow.vertices[0], axis=0)
-    stray = trimesh.Trimesh(vertices, cow.faces + (cow.faces >= 100), process=False)
-    result, plain = tessellate(stray, 0.7, "irregular"), tessellate(cow, 0.7, "irregular")
+    with_unreferenced = trimesh.Trimesh(vertices, cow.faces + (cow.faces >= 100), process=False)
+    result, plain = tessellate(with_unreferenced, 0.7, "irregular"), tessellate(cow, 0.7, "irregular")
     assert result.counterpart[100] == -1
     np.testing.assert_array_equal(np.delete(result.counterpart, 100), plain.counterpart)
     np.testing.assert_array_equal(result.mesh.faces, plain.mesh.faces)
 
 
-def test_a_density_out_of_reach_is_refused_with_what_was_reached():
-    # Fifteen angular pieces, of which edges sharper than 45 degrees keep nearly all.
-    with pytest.raises(PerturbationError, match=r"0\.25 times the faces are asked for and 0\.9\d* times reached"):
+def test_an_unreachable_density_is_refused_with_the_density_reached():
+    # Fifteen angular components, nearly all of which is preserved because of edges sharper than 45 degrees.
+    with pytest.raises(PerturbationError, match=r"0\.25 times the faces were requested, but 0\.9\d* times reached"):
         tessellate(bundled("ant"), 0.25)

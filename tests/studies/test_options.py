@@ -1,13 +1,11 @@
-"""What the options of a run do: fresh, retry_failed, on_error, dry_run; rows of other studies; what is said of all."""
+"""What the options of a run do: fresh, retry_failed, on_error, dry_run; and what is reused from other studies."""
 
 import json
 
 import pandas as pd
 import pytest
 
-from studies import status
 from studies.execution.study import run_study
-from studies.storage import RowStore, StoredRows, lock_holder
 from tests.studies.conftest import STUDY
 from tests.studies.test_survival import FOLDER, rows, table
 
@@ -103,25 +101,3 @@ def test_in_a_fresh_clone_the_studys_own_table_holds_its_rows(study, here, capsy
     assert study("repeats=2")
     assert f"4 of them reused from results/{FOLDER}/trials.parquet" in said(capsys)
     assert before == {name: (results / name).read_bytes() for name in before}
-
-
-def test_status_tells_what_is_stored_and_what_runs(study, here, capsys):
-    (here / "broken").touch()
-    study("repeats=2", "levels=[0.1]")
-    (here / "broken").unlink()
-    study("repeats=2")
-    capsys.readouterr()
-    assert status.main([]) == 0
-    line = next(line for line in capsys.readouterr().out.splitlines() if "normal_noise/files" in line)
-    assert [cell.strip() for cell in line.split("│")[2:7]] == ["4", "2", "2", "0", "0"]
-    with RowStore(here / "results" / FOLDER) as store:
-        store.write_plan([*StoredRows(store.path.parent).status, "one more"])
-        found = status.status(here / "results" / FOLDER)
-        assert found["state"] == f"runs: {lock_holder(store.path.parent)}"
-        assert found["planned"] == "5"
-    assert status.status(here / "results" / FOLDER)["state"] == "1 to go"
-
-
-def test_status_of_nothing_is_an_error(tmp_path, capsys):
-    assert status.main([str(tmp_path)]) == 2
-    assert "there are no rows of a study under" in capsys.readouterr().err

@@ -13,8 +13,9 @@ import pandas as pd
 import pytest
 
 from studies.planning.trial import TIMINGS
-from studies.storage import RowStore, StoredRows, StoreLockedError
+from studies.storage import RowStore, StoredRows, lock_holder
 from tests.studies.conftest import STUDY, fork, typed
+from tests.studies.execution.engines import wait_for
 from tests.studies.test_run import run
 
 FOLDER = "normal_noise/files"
@@ -124,14 +125,13 @@ def test_rows_that_were_cut_short_are_said_and_their_trials_run_again(study, cap
 
 def test_of_two_runs_at_once_the_second_says_who_the_first_is_and_stops(here):
     def hold():
-        RowStore(here / "results" / FOLDER)
-        time.sleep(600)
+        with RowStore(here / "results" / FOLDER):
+            time.sleep(600)
 
     process = fork.Process(target=hold)
     process.start()
-    lock = here / "results" / FOLDER / "trials.lock"
-    while not (lock.exists() and lock.read_text()):
-        time.sleep(0.01)
+    folder = here / "results" / FOLDER
+    wait_for(lambda: lock_holder(folder))
     second = typed(here, *STUDY, "repeats=1")
     assert second.returncode == 2
     assert re.fullmatch(
@@ -140,14 +140,9 @@ def test_of_two_runs_at_once_the_second_says_who_the_first_is_and_stops(here):
     )
     process.kill()
     process.join()
-    with RowStore(here / "results" / FOLDER):  # its lock ended with it
+    with RowStore(folder) as store:  # its lock ended with it
         pass
-    assert not lock.exists()
-
-
-def test_a_store_is_held_once_in_one_process_too(tmp_path):
-    with RowStore(tmp_path), pytest.raises(StoreLockedError, match=f"process {os.getpid()} on"):
-        RowStore(tmp_path)
+    assert list(folder.iterdir()) == [store.path]
 
 
 @pytest.mark.parametrize("room", range(2000, 20000, 3000))

@@ -15,14 +15,14 @@ def filled(n, n_blocks, width=2):
 
 @pytest.mark.parametrize("n_blocks", [1, 3, 4, 7, 12])
 @pytest.mark.parametrize("share", [0, 0.3, 0.6, 1])
-def test_combinations_in_the_memory_of_the_basis_are_those_of_its_columns(n_blocks, share, monkeypatch):
+def test_combinations_in_the_memory_of_the_basis_equal_those_of_its_columns(n_blocks, share, monkeypatch):
     monkeypatch.setattr(lanczos, "STRIPE", 64)
     basis, columns = filled(501, n_blocks)
     mix = np.random.default_rng(1).standard_normal((columns.shape[1], round(share * columns.shape[1])))
-    np.testing.assert_allclose(basis.combined(mix), columns @ mix, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(basis.combine(mix), columns @ mix, rtol=0, atol=1e-13)
 
 
-def test_a_block_is_split_into_its_parts_in_the_basis_and_an_orthonormal_rest():
+def test_a_block_is_split_into_coefficients_and_an_orthonormal_rest():
     basis, columns = filled(501, 7)
     block = np.random.default_rng(1).standard_normal((501, 2))
     inner, rest, coupling = basis.split(np.asfortranarray(block))

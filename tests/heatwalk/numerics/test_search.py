@@ -15,7 +15,7 @@ from heatwalk.accumulators import TIE, blocked_maximum_inner_products, maximum_i
 from heatwalk.kernel import HeatKernel, largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
 from heatwalk.numerics.compilation import compiled
-from heatwalk.numerics.search import LEAF, largest_inner_products
+from heatwalk.numerics.search import LEAF_SIZE, largest_inner_products
 from heatwalk.spectrum import SpectrumSolver
 from tests.helpers.meshes import bundled
 
@@ -55,13 +55,13 @@ SHAPES = {
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_every_vertex_finds_what_the_blocked_search_finds(name):
+def test_every_vertex_finds_the_same_as_in_the_blocked_search(name):
     for kernel in kernels(SHAPES[name](), TIMES):
         assert_as_blocked(kernel)
 
 
 @pytest.mark.parametrize("model", [1, 61, 130, 342, 390])
-def test_every_vertex_of_the_benchmark_finds_what_the_blocked_search_finds(model, psb_mesh):
+def test_every_vertex_of_the_benchmark_finds_the_same_as_in_the_blocked_search(model, psb_mesh):
     for kernel in kernels(psb_mesh(model), (0.5, 1.0)):
         assert_as_blocked(kernel)
 
@@ -75,26 +75,26 @@ def test_every_vertex_of_the_benchmark_finds_what_the_blocked_search_finds(model
     ),
     st.floats(0, 2),
 )
-def test_any_rows_find_what_the_blocked_search_finds(rows, decay):
+def test_any_rows_find_the_same_as_in_the_blocked_search(rows, decay):
     assert_as_blocked(kernel_of(rows * np.exp(-decay * np.arange(rows.shape[1]))))
 
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.integers(1, 3))
-def test_many_exact_ties_go_to_the_smallest_row(seed, columns, largest):
+def test_exact_ties_go_to_the_smallest_row(seed, columns, largest):
     rng = np.random.default_rng(seed)
     assert_as_blocked(kernel_of(rng.integers(-largest, largest + 1, (1500, columns)).astype(float)))
 
 
 @pytest.mark.parametrize("width", [1e-9, 1e-10, 1e-11, 1e-13])
-def test_rows_that_differ_by_about_the_tie_find_what_the_blocked_search_finds(width):
+def test_rows_that_differ_by_about_the_tie_find_the_same_as_in_the_blocked_search(width):
     rng = np.random.default_rng(0)
     rows = np.column_stack([np.ones(2000), np.sqrt(width) * rng.standard_normal((2000, 2))])
     assert_as_blocked(kernel_of(rows))
     assert_as_blocked(kernel_of(1 + width * rng.standard_normal((2000, 1))))
 
 
-@pytest.mark.parametrize("n", [1, 2, LEAF - 1, LEAF, LEAF + 1, 2 * LEAF, 3 * LEAF + 1])
+@pytest.mark.parametrize("n", [1, 2, LEAF_SIZE - 1, LEAF_SIZE, LEAF_SIZE + 1, 2 * LEAF_SIZE, 3 * LEAF_SIZE + 1])
 def test_any_number_of_rows_fills_the_leaves(n):
     assert_as_blocked(kernel_of(np.random.default_rng(n).standard_normal((n, 3))))
 
@@ -103,12 +103,12 @@ def test_rows_of_zeros_tie():
     assert_as_blocked(kernel_of(np.zeros((100, 3))))
 
 
-def test_each_of_several_components_is_searched_alone():
+def test_each_component_is_searched_separately():
     rng = np.random.default_rng(0)
     assert_as_blocked(kernel_of(rng.standard_normal((500, 4)), rng.integers(0, 30, 500)))
 
 
-def test_rows_in_fortran_order_are_the_same_rows():
+def test_rows_in_fortran_order_give_the_same_result():
     rows = np.random.default_rng(0).standard_normal((200, 5))
     for ours, theirs in zip(
         largest_inner_products(np.asfortranarray(rows), TIE), largest_inner_products(rows, TIE), strict=True
@@ -124,7 +124,7 @@ def test_bulk_duplicates_cost_little(distinct):
     assert n_products < 200 * len(rows)
 
 
-def test_a_few_hundred_inner_products_a_vertex_do_however_fine_the_mesh():
+def test_a_few_hundred_inner_products_per_vertex_suffice_however_fine_the_mesh():
     mesh = bundled("ant")
     for _ in range(4):
         (kernel,) = kernels(mesh, (1.0,))
@@ -145,15 +145,16 @@ def test_a_second_process_compiles_nothing():
         "heatwalk.segment(mesh.vertices, mesh.faces)\n"
         "from heatwalk.numerics import cholesky, dissection, search\n"
         "for f in (\n"
-        "    dissection._nested_dissection, cholesky._rows_of_panels, cholesky._factorise, cholesky._substitute,\n"
-        "    search._split, search._measure, search._search,\n"
+        "    dissection._dissect, cholesky._panel_rows, cholesky._factorise,\n"
+        "    cholesky._substitute_forward, cholesky._substitute_backward,\n"
+        "    search._build_tree, search._measure_nodes, search._search,\n"
         "):\n"
         "    print(sum(f.stats.cache_misses.values()), sum(f.stats.cache_hits.values()))\n"
     )
-    assert in_a_new_process(code) == ["0", "1"] * 7
+    assert in_a_new_process(code) == ["0", "1"] * 8
 
 
-def test_a_package_and_home_that_cannot_be_written_do_without_the_cache(monkeypatch):
+def test_functions_compile_without_a_cache_if_no_folder_is_writable(monkeypatch):
     def nowhere(function, **options):
         if options.get("cache"):
             raise RuntimeError(f"cannot cache function {function.__name__!r}: no locator available")

@@ -149,6 +149,19 @@ def test_a_cluster_is_started_for_the_study_and_ends_with_it():
     wait_for(lambda: not any(psutil.pid_exists(pid) for pid in pids))
 
 
+def test_tasks_of_a_worker_that_is_retired_run_on_another(tmp_path):
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
+        tasks = [(x, str(tmp_path)) for x in range(24)]
+        results = completed(Dask(cluster.scheduler_address), slowly, tasks)
+        outcomes = dict(next(results) for _ in range(4))
+        wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
+        cluster.scale(1)
+        outcomes |= results
+    assert outcomes == {(x, path): x * x for x, path in tasks}
+
+
 @pytest.mark.parametrize("options", [{}, {"address": "tcp://127.0.0.1:1", "cluster": {}}])
 def test_it_is_told_one_scheduler(options):
     with pytest.raises(ValueError, match=r"engine\.address=tcp://HOST:PORT"):

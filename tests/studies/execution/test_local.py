@@ -203,6 +203,21 @@ def test_workers_that_are_killed_at_arbitrary_moments_cost_their_own_tasks_only(
     assert all(outcome == x * x for x, outcome in enumerate(outcomes) if x not in lost)
 
 
+def raise_timeout(_):
+    raise TimeoutError("the server did not answer")
+
+
+def test_a_timeout_that_the_task_itself_raises_is_its_error_and_leaves_the_worker_alive():
+    pool = WorkerPool(pickle.dumps(raise_timeout), 1)
+    try:
+        for _ in range(2):
+            with pytest.raises(TimeoutError, match="the server did not answer"):
+                pool.outcome(pickle.dumps(0))
+        assert len(pool._workers) == 1
+    finally:
+        pool.close()
+
+
 class DeadlyToRead:
     """A task that kills the worker that unpickles it."""
 

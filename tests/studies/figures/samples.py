@@ -98,3 +98,8 @@ CHARTS = {
     "matrices of two segmenters": _matrices(SEGMENTERS),
     "methods": method_scores(_scores(), METRICS, "Table 1"),
 }
+
+
+def ink(image):
+    """The pixels of a picture that are not white."""
+    return (image < 255).any(axis=2)

@@ -1,97 +1,184 @@
+import dataclasses
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.text import Text
 from PIL import Image
 
-from studies.figures import curves as figures
+from studies.figures.charts import Chart, level_curve, pair_matrices, segment_counts
+from studies.figures.drawing import draw, save
+from studies.figures.style import TWO_COLUMNS
+from tests.studies.figures.samples import CHARTS, INTERVALS, level_table, rows_of_levels, rows_of_times
 
 
-def table(perturbation, levels, paper):
-    mean = np.linspace(1.0, 5.0, len(levels))
-    return pd.DataFrame(
-        {
-            "part": perturbation, "level": levels, "unit": "count", "mean": mean, "ci_low": mean - 0.5,
-            "ci_high": mean + 1, "median": mean - 0.2, "paper": paper,
-        }
-    )  # fmt: skip
-
-
-def draw_curve():
-    levels = [1.0, 2.0, 4.0]
-    rows = pd.DataFrame([{"model": str(m), "level": x, "change_percentage": m + x} for m in range(12) for x in levels])
-    return figures.curve(table("holes", levels, [2.0, np.nan, 3.0]), rows, "holes", "Holes")
-
-
-def draw_panels():
-    parts = [table("short_circuits", [10.0], [2.32]), table("holes", [58.0, 250.0], np.nan)]
-    named = {"short_circuits": ("Short circuits", "tubes"), "holes": ("Holes", "removed")}
-    return figures.panels(pd.concat(parts), named, "Table 2")
-
-
-def draw_times():
-    rows = [
-        {"model": m, "level": t, "unit": "paper", "n_segments": 4 + m % 2 * (t > 1)}
-        for m in range(4)
-        for t in (0.5, 1.0, 1.5, 4.0)
-    ]
-    return figures.times(pd.DataFrame(rows), [(0.6, 2.7), (0.85, 1.9)], "Times")
-
-
-def draw_matrix():
-    change = pd.DataFrame([[0.0, 3.0], [3.0, 0.0]], index=["cat0", "cat1"], columns=["cat0", "cat1"])
-    return figures.matrix({"cat": change, "dog": change}, "Poses")
-
-
-def draw_methods():
-    scores = pd.DataFrame({"method": ["HeatWalk", "Humans", "HeatWalk"], "source": ["computed", "paper", "paper"]})
-    for metric in ("hamming", "gce"):
-        scores = scores.assign(**{metric: 0.2, f"{metric}_low": [0.1, np.nan, np.nan], f"{metric}_high": 0.3})
-    return figures.methods(scores, {"hamming": "HD", "gce": "GCE"}, "Table 1")
-
-
-@pytest.mark.parametrize("draw", [draw_curve, draw_panels, draw_times, draw_matrix, draw_methods])
-def test_a_curve_is_a_pdf_and_a_png_of_300_dpi_with_the_same_bytes_again(draw, tmp_path):
-    figures.save(draw(), tmp_path / "first.png")
-    figures.save(draw(), tmp_path / "second.png")
+@pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
+def test_a_chart_is_a_pdf_and_a_png_of_300_dpi_with_the_same_bytes_again(chart, tmp_path):
+    save(draw(chart), tmp_path / "first.png")
+    save(draw(chart), tmp_path / "second.png")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["first.pdf", "first.png", "second.pdf", "second.png"]
     for suffix in ("pdf", "png"):
         assert (tmp_path / f"first.{suffix}").read_bytes() == (tmp_path / f"second.{suffix}").read_bytes()
     with Image.open(tmp_path / "first.png") as image:
         assert round(image.info["dpi"][0]) == 300
-        assert image.width <= 300 * figures.TWO_COLUMNS
+        assert image.width <= 300 * TWO_COLUMNS
 
 
-def test_a_grid_crops_the_pictures_of_a_row_alike_and_keeps_all_their_ink():
-    picture, other = np.full((60, 80, 3), 255, dtype=np.uint8), np.full((60, 80, 3), 255, dtype=np.uint8)
-    picture[10:20, 30:40] = 0
-    other[40:50, 60:70] = 0
-    figure, axes = figures.grid([[(picture, "one"), (other, "two")]], "heading")
-    shown = [axis.get_images()[0].get_array() for axis in axes[0]]
-    assert [image.shape for image in shown] == [(40, 40, 3), (40, 40, 3)]
-    assert [int((image == 0).all(axis=2).sum()) for image in shown] == [100, 100]
-    assert figure.get_figwidth() <= figures.TWO_COLUMNS
+@pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
+def test_every_text_of_a_chart_is_inside_the_figure_and_touches_no_other(chart):
+    figure = draw(chart)
+    figure.draw_without_rendering()
+    texts = set(figure.findobj(Text))
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):  # which have ticks beyond their ends as well, and do not draw them
+            low, high = sorted(axis.get_view_interval())
+            for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks()):
+                texts -= set() if low <= tick.get_loc() <= high else {tick.label1, tick.label2}
+    shown = [text for text in texts if text.get_visible() and text.get_text().strip()]
+    boxes = [text.get_window_extent() for text in shown if text.get_rotation() in (0, 90)]
+    assert chart.title in [text.get_text() for text in shown]
+    for i, box in enumerate(boxes):
+        assert box.x0 >= -1
+        assert box.y0 >= -1
+        assert box.x1 <= figure.bbox.width + 1
+        assert box.y1 <= figure.bbox.height + 1
+        assert not any(_overlap(box, other) for other in boxes[:i])
+
+
+def _overlap(box, other):
+    """Whether boxes have more than the rounding of a pixel in common."""
+    width = min(box.x1, other.x1) - max(box.x0, other.x0)
+    height = min(box.y1, other.y1) - max(box.y0, other.y0)
+    return width > 1 and height > 1
 
 
 @pytest.mark.parametrize("levels", [[0.1, 0.25, 0.5, 0.75], [0.75, 0.5, 0.25, 0.1]])
 def test_every_level_that_has_room_has_its_number(levels):
-    rows = pd.DataFrame([{"model": "m", "level": level, "change_percentage": 1.0} for level in levels])
-    (axes,) = figures.curve(table("decimation", levels, np.nan), rows, "kept", "Decimation").axes
+    rows = rows_of_levels(levels, 1)
+    (axes,) = draw(level_curve(level_table("decimation", levels), rows, "kept", "Decimation")).axes
     assert [text.get_text() for text in axes.get_xticklabels()] == ["0.1", "0.25", "0.5", "0.75"]
+    assert {text.get_rotation() for text in axes.get_xticklabels()} == {0}
+
+
+def test_numbers_of_levels_that_would_touch_are_slanted():
+    levels = [0.0588, 0.1765, 0.2941, 0.4706, 0.5294]
+    (axes,) = draw(level_curve(level_table("shots", levels), rows_of_levels(levels, 1), "spikes", "Shots")).axes
+    assert [text.get_text() for text in axes.get_xticklabels()] == [f"{level:g}" for level in levels]
+    assert {text.get_rotation() for text in axes.get_xticklabels()} == {45}
+
+
+def test_a_number_that_would_touch_even_when_slanted_is_left_out_with_its_tick_kept():
+    levels = [0.5, 0.501, 1.0]
+    (axes,) = draw(level_curve(level_table("shots", levels), rows_of_levels(levels, 1), "spikes", "Shots")).axes
+    assert axes.get_xticks().tolist() == levels
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["0.5", "", "1"]
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_study_of_which_every_trial_failed_has_room_for_the_papers_points(tmp_path):
+def test_a_study_of_which_every_trial_failed_has_room_for_published_values(tmp_path):
     levels = [0.1, 0.5]
     rows = pd.DataFrame([{"model": "m", "level": level, "change_percentage": np.nan} for level in levels])
-    nothing = table("holes", levels, [2.0, 7.0]).assign(mean=np.nan, ci_low=np.nan, ci_high=np.nan)
-    figure = figures.curve(nothing, rows, "holes", "Holes")
-    figures.save(figure, tmp_path / "failed.png")
+    table = level_table("holes", levels, published=[2.0, 7.0])
+    nothing = table.replace(frame=table.frame.assign(mean=np.nan, ci_low=np.nan, ci_high=np.nan))
+    figure = draw(level_curve(nothing, rows, "holes", "Holes"))
+    save(figure, tmp_path / "failed.png")
     (axes,) = figure.axes
     assert axes.get_ylim()[1] >= 7
-    assert "mean, 95 % interval (0 models)" in axes.get_legend_handles_labels()[1]
+    (legend,) = figure.legends
+    assert "mean, 95 % interval (0 models)" in [text.get_text() for text in legend.get_texts()]
 
 
-def test_a_picture_drawn_in_proportion_keeps_a_dot_of_the_smallest_scale():
-    shrunk = figures._shrunk(np.zeros((90, 120, 3), np.uint8), 1e-6)
-    assert shrunk.shape == (90, 120, 3)
-    assert (shrunk < 255).any(axis=2).sum() == 1
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "chart",
+    [
+        pair_matrices({"cat": pd.DataFrame()}, "Poses"),
+        segment_counts(rows_of_times().iloc[:0], INTERVALS, "Times"),
+        Chart("Nothing", ()),
+    ],
+    ids=["matrices", "times", "nothing"],
+)
+def test_a_chart_without_data_can_be_drawn(chart, tmp_path):
+    save(draw(chart), tmp_path / "empty.png")
+    assert (tmp_path / "empty.png").stat().st_size > 0
+
+
+@pytest.mark.parametrize("segmenters", [("walk",), ("walk", "cuts", "spectral")])
+def test_every_mean_and_the_whole_of_every_interval_are_within_the_axes(segmenters):
+    table = level_table("holes", [1.0, 2.0, 4.0], segmenters=segmenters)
+    (axes,) = draw(level_curve(table, rows_of_levels([1.0, 2.0], 1, segmenters), "holes", "Holes")).axes
+    assert axes.get_ylim()[0] == 0
+    assert axes.get_ylim()[1] > table.frame["ci_high"].max()
+
+
+def test_intervals_of_several_segmenters_at_one_level_are_next_to_each_other():
+    table = level_table("holes", [1.0, 2.0], segmenters=("walk", "cuts"))
+    figure = draw(level_curve(table, rows_of_levels([1.0, 2.0], 1), "holes", "Holes"))
+    figure.draw_without_rendering()
+    first, second = (bars.lines[0] for bars in figure.axes[0].containers)
+    x = [line.get_transform().transform(np.column_stack(line.get_data()))[:, 0] for line in (first, second)]
+    assert (x[1] - x[0] > 2 * figure.dpi / 72).all()
+    assert first.get_color() != second.get_color()
+    assert first.get_marker() != second.get_marker()
+    assert first.get_linestyle() != second.get_linestyle()
+
+
+def test_the_legend_names_what_is_there_once_in_the_order_of_the_data():
+    (legend,) = draw(CHARTS["panels"]).legends
+    assert [text.get_text() for text in legend.get_texts()] == ["mean, 95 % interval", "median", "Smith 2011"]
+    (legend,) = draw(CHARTS["curves of two segmenters"]).legends
+    assert [text.get_text() for text in legend.get_texts()] == ["walk", "cuts", "Smith 2011"]
+    assert legend.get_title().get_text() == "mean, 95 % interval (12 models)"
+
+
+def test_a_figure_does_not_depend_on_the_settings_of_the_user(tmp_path):
+    import matplotlib
+
+    chart = CHARTS["panels"]
+    save(draw(chart), tmp_path / "first.png")
+    with matplotlib.rc_context({"font.size": 20, "lines.linewidth": 9, "figure.facecolor": "red"}):
+        save(draw(chart), tmp_path / "second.png")
+    assert (tmp_path / "first.png").read_bytes() == (tmp_path / "second.png").read_bytes()
+
+
+CHILD = """
+import sys
+from pathlib import Path
+from studies.figures import charts, gallery, method_figures, pictures, style
+heavy = {{"matplotlib", "pyvista", "PIL", "vtkmodules"}} & set(sys.modules)
+assert not heavy, heavy
+from studies.figures.charts import Axis, Chart, Panel, Series
+chart = Chart("Title", (Panel(Axis("x"), Axis("y"), series=(Series("mean", (1.0, 2.0), (1.0, 3.0)),)),))
+from studies.figures.drawing import draw, save
+save(draw(chart), Path({path!r}))
+assert "matplotlib.pyplot" not in sys.modules
+import numpy, trimesh
+from studies.figures.layout import Tile, lay_out
+from studies.figures.surfaces import surface
+from studies.figures.views import view_of
+box = trimesh.creation.box()
+picture = surface(box, view_of(box.vertices), field=numpy.arange(8.0), size=(120, 100))
+save(lay_out([[Tile(picture, "box")]]), Path({path!r}).with_name("box.png"), "box")
+import matplotlib
+assert matplotlib.rcParams._get("backend") == {backend!r}, matplotlib.rcParams._get("backend")
+"""
+
+
+def test_charts_load_no_drawing_library_and_no_backend_is_used_or_changed(tmp_path):
+    """In a child process, with the backend of a notebook whose module is not installed."""
+    backend = "module://no_such_module.backend_inline"
+    code = CHILD.format(path=str(tmp_path / "chart.png"), backend=backend)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | {"MPLBACKEND": backend}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"chart.png", "chart.pdf", "box.png"}
+
+
+def test_a_title_above_one_panel_is_that_of_the_chart():
+    chart = dataclasses.replace(CHARTS["curve"], title="Other")
+    (axes,) = draw(chart).axes
+    assert axes.get_title() == "Other"

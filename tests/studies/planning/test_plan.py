@@ -103,7 +103,7 @@ def test_a_new_version_of_a_perturbation_changes_the_id_and_leaves_the_seed(plan
 
 
 @pytest.mark.parametrize(
-    "change", ["engine.workers=1", "engine=serial", "results_dir=other", "gallery.models=0", "paper=null"]
+    "change", ["engine.workers=1", "engine=serial", "results_dir=other", "gallery.models=0", "paper=none"]
 )
 def test_what_does_not_change_the_result_leaves_the_id(plan, change):
     assert [t.trial_id for t in plan(*SMALL)] == [t.trial_id for t in plan(*SMALL, change)]

@@ -71,7 +71,7 @@ def test_what_does_not_match_is_refused_and_named(study, here, capsys):
     content = json.loads(origin.read_text())
     origin.write_text(json.dumps(content | {"algorithm_version": 99}))
     assert join("a", "c") == 2
-    assert f"of c/{FOLDER} 99: their results do not compare" in said(capsys).replace("and of", "of")
+    assert f"and 99 in c/{FOLDER}: their results cannot be compared" in said(capsys)
     origin.write_text(json.dumps(content))
 
     lines = [json.loads(line) for line in (here / "c" / FOLDER / "trials.jsonl").read_text().splitlines()]
@@ -84,9 +84,9 @@ def test_what_does_not_match_is_refused_and_named(study, here, capsys):
 
     assert join("a", "a", "--into", "joined") == 0
     assert join("a", "b", "--into", "joined") == 2
-    assert "joined holds results already" in said(capsys)
+    assert "joined contains results already" in said(capsys)
     assert merge.main(["a", "b"]) == 2
     message = said(capsys)
-    assert "a is no study's folder" in message
+    assert "a is not the results folder of a study" in message
     assert message.rstrip().endswith(f"{Path('a') / FOLDER} is one")
     assert table("a") == before
