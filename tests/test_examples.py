@@ -53,7 +53,7 @@ def test_segmenters_are_compared_under_the_same_draws(run_example, tmp_path):
     printed = run_example("compare_segmenters.py", "out")
     rows = pd.read_parquet(tmp_path / "out" / "shot_noise" / "bundled" / "trials.parquet")
     assert rows["status"].tolist() == ["ok"] * 8
-    by_segmenter = dict(rows.groupby("segmenter"))
+    by_segmenter = {str(name): group for name, group in rows.groupby("segmenter")}
     assert set(by_segmenter) == {"HeatWalk", "slabs"}
     ours, theirs = (set(zip(g["level"], g["repeat"], g["seed"], strict=True)) for g in by_segmenter.values())
     assert ours == theirs

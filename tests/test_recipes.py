@@ -118,7 +118,7 @@ def test_a_segmenter_takes_one_file_and_one_yaml(repository, follow):
     assert set(alone["segmenter"]) == {"Slabs"}
     assert set(alone["n_segments_reference"]) == {5}
     both = repository / "mine" / "both" / "shot_noise" / "bundled"
-    by_segmenter = dict(rows_of(both).groupby("segmenter"))
+    by_segmenter = {str(name): rows for name, rows in rows_of(both).groupby("segmenter")}
     assert set(by_segmenter) == {"HeatWalk", "Slabs"}
     assert by_segmenter["HeatWalk"]["seed"].tolist() == by_segmenter["Slabs"]["seed"].tolist()
     assert pd.read_csv(both / "table.csv")["segmenter"].value_counts().to_dict() == {"HeatWalk": 5, "Slabs": 5}
