@@ -367,7 +367,7 @@ class Change(Experiment):
             yield GalleryPicture(chosen, rows, axes, gallery.style, title, labels)
 
     def _with_labels_of_gallery(self, trials: list[Trial]) -> list[Trial]:
-        """The trials, with those that the gallery will show told to keep their labels."""
+        """The trials; those that the gallery will show keep their labels."""
         from studies.figures.gallery import choose_trials
 
         gallery = self._checked_gallery()
