@@ -13,11 +13,12 @@ import numpy as np
 from studies import metrics
 from studies.columns import Column, Table
 from studies.datasets import Model
+from studies.execution.interruption import is_ctrl_c, reason
 from studies.experiments.experiment import FAILURES, SEGMENTER, Experiment, by_segmenter, frame_of
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, fingerprint
-from studies.planning.trial import Trial, reason
+from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_over_pairs
 
@@ -70,7 +71,9 @@ class PoseTrial(Trial):
         for model in self.poses:
             try:
                 poses[model.name] = self._segment(model)
-            except Exception as error:
+            except BaseException as error:
+                if is_ctrl_c(error):
+                    raise
                 poses[model.name] = reason(error)
         return poses
 

@@ -10,6 +10,8 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
+from studies.execution.interruption import is_ctrl_c, reason
+
 REQUIRED = "???"  # the value of an option that has no default
 
 # Keys that are not options. Hydra's ``_convert_`` has no effect: lists and mappings are plain Python objects anyway.
@@ -76,8 +78,10 @@ def locate(group: str, name: str, error: type[ValueError]) -> Callable[..., Any]
     try:
         _import_module_of(name)  # what importing it raises says more than that there is no such attribute
         target = pkgutil.resolve_name(name)
-    except Exception as reason:  # whatever importing the user's module raises
-        raise error(f"{group}._target_={name}: {type(reason).__name__}: {reason}") from reason
+    except BaseException as raised:  # whatever importing the user's module raises
+        if is_ctrl_c(raised):
+            raise
+        raise error(f"{group}._target_={name}: {reason(raised)}") from raised
     if not callable(target):
         raise error(f"{group}._target_={name} is a {type(target).__name__} and cannot be called")
     return target
@@ -126,10 +130,12 @@ def construct(group: str, options: Mapping[str, Any], error: type[ValueError]) -
         return partial(target, **keywords)
     try:
         return target(**keywords)
-    except ValueError as reason:
-        raise error(str(reason)) from reason
-    except Exception as reason:  # whatever the user's class raises
-        raise error(f"{group}._target_={name}: {type(reason).__name__}: {reason}") from reason
+    except ValueError as refused:
+        raise error(" ".join(str(refused).split())) from refused
+    except BaseException as raised:  # whatever the user's class raises
+        if is_ctrl_c(raised):
+            raise
+        raise error(f"{group}._target_={name}: {reason(raised)}") from raised
 
 
 def _instantiated(group: str, value: Any, error: type[ValueError]) -> Any:
