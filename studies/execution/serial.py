@@ -31,8 +31,8 @@ class Serial:
     """
 
     remote: ClassVar[bool] = False
-    timeout: None = None
-    memory: None = None
+    timeout: float | None = None
+    memory: int | str | None = None
     _active: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -9,6 +9,6 @@ def encodable(text: str) -> str:
     Examples
     --------
     >>> print(encodable("K" + chr(0xDCFC) + "che"), encodable("Küche"))
-    K\udcfche Küche
+    K\udcfcche Küche
     """
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
