@@ -19,7 +19,14 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from studies.execution.interruption import is_ctrl_c, watch_ctrl_c
-from studies.planning.command_line import add_missing_options, flags_last, option_names, quote_argument, swept_folder
+from studies.planning.command_line import (
+    add_missing_options,
+    check_groups,
+    flags_last,
+    option_names,
+    quote_argument,
+    swept_folder,
+)
 from studies.terminal import INTERRUPTED, MISTAKE, SOME_FAILED, one_line, run_command
 
 if TYPE_CHECKING:
@@ -36,6 +43,10 @@ class TrialsFailed(SystemExit):
 def main() -> None:
     """Run the command with Hydra; its own exit code for mistakes, 1, becomes 2."""
     arguments = flags_last(sys.argv[1:])
+    try:
+        check_groups(arguments)
+    except ValueError as error:
+        _fail(one_line(error))
     is_sweep = bool({"-m", "--multirun"} & set(arguments))
     sys.argv[1:] = add_missing_options([quote_argument(argument, is_sweep) for argument in arguments])
     try:

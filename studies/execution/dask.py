@@ -73,7 +73,7 @@ class Dask:
                 "engine=dask requires either engine.address=tcp://HOST:PORT of a running scheduler, "
                 "or 'engine.cluster={_target_:dask_jobqueue.SLURMCluster,…}'"
             )
-        if self.address is not None and not isinstance(self.address, str):
+        if self.address is not None and not (isinstance(self.address, str) and self.address):
             raise ValueError(f"engine.address is {self.address!r}: must be text, such as tcp://HOST:8786")
         if self.cluster is not None and not (isinstance(self.cluster, Mapping) and "_target_" in self.cluster):
             raise ValueError(
@@ -161,9 +161,15 @@ def _check_started(cluster: distributed.SpecCluster) -> None:
     """Raise if the cluster has no workers, or none of them could be started; print if some could not."""
 
     async def start_again() -> list[BaseException | Any]:
-        await cluster
+        with contextlib.suppress(Exception):  # it raises for the first worker that could not be started
+            await cluster
+        workers = list(cluster.workers.values())
         # What has been started answers at once; what could not be is tried again, and tells why.
-        return await asyncio.gather(*cluster.workers.values(), return_exceptions=True)
+        outcomes = await asyncio.gather(*workers, return_exceptions=True)
+        for worker, outcome in zip(workers, outcomes, strict=True):
+            if isinstance(outcome, BaseException):
+                worker.status = distributed.Status.failed  # or the cluster could not be closed
+        return outcomes
 
     if not cluster.worker_spec:
         raise ValueError("engine.workers is required: the cluster starts no worker by itself; engine.workers=N")
@@ -203,11 +209,8 @@ class _DaskSession:
         finished: list[distributed.Future] = []
         while self._pending and not finished:
             with self._client.as_current(), contextlib.suppress(TimeoutError):
-                distributed.wait(
-                    list(self._pending),
-                    timeout=min(REFILL_SECONDS, self._limit or REFILL_SECONDS),
-                    return_when="FIRST_COMPLETED",
-                )
+                seconds = min(REFILL_SECONDS, self._limit or REFILL_SECONDS)
+                distributed.wait(list(self._pending), timeout=seconds, return_when="FIRST_COMPLETED")
             finished = [future for future in self._pending if future.done()]
             self._check_workers()
             if self.has_room():

@@ -10,9 +10,11 @@ from contextlib import suppress
 
 from hydra import compose, initialize_config_module
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import QuotedString
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 
+from studies.planning.errors import StudyError
 from studies.planning.names import folder_name
 
 # Swept options that already have a folder of their own in results_dir.
@@ -21,6 +23,9 @@ OWN_FOLDER = ("study", "dataset")
 # Options whose values are taken as they are typed, whatever characters they have.
 TEXT_OPTIONS = ("segmenter.command", "dataset.glob", "dataset.root", "results_dir")
 SWEPT_PATHS = ("dataset.glob", "dataset.root")  # those of which a sweep may have several, separated by commas
+
+# Options that choose a configuration by name.
+CHOICES = ("study", "experiment", "dataset", "segmenter", "engine", "perturbation")
 
 # Flags of Hydra that are followed by a value.
 FLAGS_WITH_VALUE = (
@@ -76,6 +81,28 @@ def _quoted(value: str) -> str:
     # In Hydra's quoted strings a backslash stands for itself, except before a quote, which it escapes.
     escaped = re.sub(r"(\\*)('|$)", lambda found: found[1] * 2 + found[2].replace("'", r"\'"), value)
     return f"'{escaped}'"
+
+
+def check_groups(arguments: Sequence[str]) -> None:
+    """Refuse a choice such as ``dataset=null``, for which Hydra has no words.
+
+    Raises
+    ------
+    StudyError
+        If what is chosen of a group is not a name.
+    """
+    for argument in arguments:
+        key, is_set, value = argument.partition("=")
+        if is_set and key.lstrip("+") in CHOICES and not all(map(_is_name, value.split(","))):
+            raise StudyError(f"{argument}: it must be the name of a {key.lstrip('+')}; see --help")
+
+
+def _is_name(value: str) -> bool:
+    """Whether Hydra reads a value as text."""
+    try:
+        return isinstance(OverridesParser.create().parse_override(f"key={value}").value(), str | QuotedString)
+    except HydraException:
+        return True  # Hydra tells what is wrong with it
 
 
 def flags_last(arguments: Sequence[str]) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from hydra import compose
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from studies.datasets import make_dataset
@@ -212,7 +212,7 @@ def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, .
     if cfg.get("segmenters") is None:
         return (make_segmenter(single),)
     names = cfg.segmenters
-    if isinstance(names, str) or not names:
+    if not isinstance(names, ListConfig) or not names:
         raise StudyError(
             f"segmenters is {names!r}: it must be a list, as in 'segmenters=[heat_walk,my_package.method]'"
         )
