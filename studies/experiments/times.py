@@ -10,7 +10,7 @@ import numpy as np
 
 from studies import metrics
 from studies.columns import Column, Table
-from studies.experiments.change import summary
+from studies.experiments.change import COLUMNS_BY_LEVEL, summary
 from studies.experiments.experiment import (
     FAILURES,
     MODELS,
@@ -201,7 +201,7 @@ class Times(Experiment):
         )  # fmt: skip
         return [
             Table("table", frame_of(records), columns, notes=self.notes, value="unchanged"),
-            Table("by_time", summary(rows), value="mean"),
+            Table("by_time", summary(rows), COLUMNS_BY_LEVEL, value="mean"),
         ]
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
@@ -248,7 +248,7 @@ def _unchanged(rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str
             "unchanged": same["same"].mean(),
             "ci_low": ci_low,
             "ci_high": ci_high,
-            "within_one": 100.0 * float(np.mean(spread.to_numpy(dtype=float) <= 1)),
+            "within_one": 100.0 * (spread <= 1).astype(float).mean(),
             "n": len(same),
             "failures": failed,
         }

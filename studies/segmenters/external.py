@@ -47,6 +47,7 @@ class External:
 
     Examples
     --------
+    >>> import sys
     >>> External(f"'{sys.executable}' mytool.py {{mesh}} {{labels}} --parts 5").name.split()[1:]
     ['mytool.py', '--parts', '5']
     """
