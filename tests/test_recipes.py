@@ -20,12 +20,12 @@ def git(folder, *words):
     return subprocess.run(["git", *identity, *words], cwd=folder, check=True, capture_output=True, text=True).stdout
 
 
-@pytest.fixture
-def repository(tmp_path):
+@pytest.fixture(scope="module")
+def fresh_copy(tmp_path_factory):
     """A copy of the repository as git has it, without results, and with what numba has compiled already."""
-    copy = tmp_path / "repository"
+    copy = tmp_path_factory.mktemp("recipes") / "repository"
     files = [Path(name) for name in git(ROOT, "ls-files", "--cached", "--others", "--exclude-standard").splitlines()]
-    compiled = [path.relative_to(ROOT) for path in (ROOT / "heatwalk").rglob("__pycache__/*.nb?")]
+    compiled = [path.relative_to(ROOT) for path in ROOT.glob("heatwalk/**/__pycache__/*.nb?")]
     for path in [*files, *compiled]:
         if path.parts[0] != "results" and (ROOT / path).is_file():
             (copy / path).parent.mkdir(parents=True, exist_ok=True)
@@ -34,6 +34,15 @@ def repository(tmp_path):
     git(copy, "add", "--all")
     git(copy, "commit", "--quiet", "--message=A fresh copy")
     return copy
+
+
+@pytest.fixture
+def repository(fresh_copy):
+    """The copy as it was committed; what numba compiles stays for the next test."""
+    yield fresh_copy
+    git(fresh_copy, "reset", "--hard", "--quiet")
+    git(fresh_copy, "clean", "-d", "--force", "--quiet")
+    shutil.rmtree(fresh_copy / "mine", ignore_errors=True)
 
 
 @pytest.fixture
