@@ -105,7 +105,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Published:
-    """The column of a table that holds values published elsewhere, beside those computed here.
+    """The column of a table that holds values published elsewhere, next to those computed here.
 
     Parameters
     ----------
@@ -132,13 +132,13 @@ class Table:
     columns : sequence of Column
         what is shown of them, in this order. Columns whose values are not in ``frame`` are left out.
     notes : str
-        sentences that explain the table, beside the help of its columns
+        sentences that explain the table, in addition to the help of its columns
     value : str
         name of the column that published values are compared with, "" where there are none
     published_before : str
         name of the column that published values come before in ``frame``, "" for the end
     published : Published, optional
-        set by `studies.reporting` where published values stand beside the computed ones
+        set by `studies.reporting` if published values are shown next to the computed ones
     """
 
     name: str
@@ -158,8 +158,11 @@ class Table:
     def cells(self, *, compact: bool = False) -> list[list[str]]:
         """The table as text, a list of cells for each row, in the order of `visible`."""
         columns = self.visible(compact=compact)
-        rows = self.frame.to_dict("records")
-        return [[column.text(row, compact=compact) for column in columns] for row in rows]
+        return [[column.text(row, compact=compact) for column in columns] for row in self.records()]
+
+    def records(self) -> list[dict[str, Any]]:
+        """The rows of the frame as dicts."""
+        return self.frame.to_dict("records")  # type: ignore[return-value]  # names of columns are str
 
     def replace(self, **changes: Any) -> Table:
         """A copy with other values of the given fields."""

@@ -1,7 +1,7 @@
 """``python -m studies.merge A B [--into C]``: join the results of a study that was made in parts, on two machines.
 
 A and B are results folders, such as results/table2/psb. Their rows are joined in A, or in C, which must not contain
-results. The tables and curves are made again.
+results. The tables and charts are made again.
 """
 
 import argparse
@@ -10,23 +10,25 @@ from pathlib import Path
 
 
 def merge_folders(first: Path, second: Path, into: Path) -> None:
-    """Merge two results folders and write the tables and curves of the whole."""
-    import hydra.utils
-    from omegaconf import OmegaConf
+    """Merge two results folders and write the tables and charts of the whole."""
     from rich.console import Console
 
-    from studies.planning.trial import columns_of
-    from studies.reporting import show
+    from studies.experiments.experiment import row_columns
+    from studies.planning.configuration import instantiate_experiment
+    from studies.reporting.results import Results
+    from studies.reporting.write import write_tables
     from studies.storage import merging
 
     merging.check_folders(first, second, into)
     console = Console()
-    experiment = hydra.utils.instantiate(merging.read_options(first)["experiment"])
-
-    def write_tables(merged: merging.Merged) -> None:
-        show.write(experiment, OmegaConf.create(merged.options), into, merged.rows, console)
-
-    merged = merging.merge(first, second, into, columns_of(experiment), write_tables)
+    columns = row_columns(instantiate_experiment(merging.read_options(first)))
+    merged = merging.merge(
+        first,
+        second,
+        into,
+        columns,
+        lambda merged: write_tables(Results.of_record(into, merged.options, merged.rows), console),
+    )
     console.print(
         f"{merged.n_first:,} rows of {first} and {merged.n_second:,} of {second} are {len(merged.rows):,} in {into}",
         highlight=False,

@@ -10,11 +10,19 @@ import signal
 from importlib import import_module
 
 NEEDED = (
-    "hydra.utils",
     "studies.execution.schedule",
     "studies.experiments.change",
-    "perturb",
     "heatwalk.segmentation",
+    "heatwalk.numerics.search",
+    "heatwalk.numerics.solver",
+    "trimesh",
+    # What perturbations import when they are first used: it would count as time that perturbing takes.
+    "fast_simplification",
+    "perturb._proximity",
+    "pymeshlab",
+    "scipy.optimize",
+    "scipy.sparse.csgraph",
+    "scipy.spatial",
 )
 
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is left to the head process

@@ -3,7 +3,7 @@
 import pickle
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -141,7 +141,7 @@ class Schedule:
         return []
 
 
-def run_trials(engine: Engine, trials: Iterable[Trial]) -> Iterator[Row]:
+def run_trials(engine: Engine, trials: Iterable[Trial]) -> Generator[Row, None, None]:
     """Run trials on an engine.
 
     Parameters

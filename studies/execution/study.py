@@ -175,7 +175,6 @@ def _store(row: dict[str, Any], store: storage.RowStore, labels: storage.LabelSt
 
 
 def _results(study: Study, trials: Sequence[Trial], store: storage.RowStore) -> Results:
-    from studies.reporting.publication import Publication
     from studies.reporting.results import Results
 
     return Results(
@@ -184,7 +183,7 @@ def _results(study: Study, trials: Sequence[Trial], store: storage.RowStore) -> 
         title=study.full_title,
         experiment=study.experiment,
         rows=store.frame([trial.trial_id for trial in trials], row_columns(study.experiment)),
-        publication=Publication(study.paper) if study.paper else None,
+        publication=study.publication,
         command=study.command,
     )
 

@@ -28,7 +28,7 @@ from studies.experiments.experiment import (
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, digest_of_code, fingerprint
-from studies.planning.targets import construct
+from studies.planning.targets import construct, locate
 from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_of_mean, model_mean
@@ -74,6 +74,8 @@ SEGMENTS = Column(
     compact=False,
     help="Mean number of segments after and before perturbing.",
 )
+COLUMNS_BY_LEVEL = (SEGMENTER, LEVEL, UNIT, MEAN, *BOUNDS, INTERVAL, MEDIAN, PUBLISHED, SEGMENTS, TRIALS, FAILURES)
+"""What is shown of `summary` of a study without parts."""
 
 
 @dataclass(frozen=True)
@@ -186,9 +188,10 @@ class Part:
         """Each level with the perturbation at that level; ``name`` is for error messages."""
         if not isinstance(self.perturbation, Mapping) or "_target_" not in self.perturbation:
             raise StudyError(f"the study {name!r} has no perturbation: perturbation=NAME, or perturbation._target_=…")
-        options = {key: value for key, value in self.perturbation.items() if key != "_target_"}
-        if self.swept not in options:
-            raise StudyError(f"{name}: swept is {self.swept!r}: it must be one of {', '.join(options)}")
+        kind = locate("perturbation", self.perturbation["_target_"], StudyError)
+        fields = [field.name for field in dataclasses.fields(kind)] if dataclasses.is_dataclass(kind) else []
+        if self.swept not in fields:
+            raise StudyError(f"{name}: swept is {self.swept!r}: it must be one of {', '.join(fields)}")
         return [
             (float(level), construct("perturbation", {**self.perturbation, self.swept: level}, StudyError))
             for level in self._checked_levels(name)
@@ -367,7 +370,7 @@ class Change(Experiment):
             yield GalleryPicture(chosen, rows, axes, gallery.style, title, labels)
 
     def _with_labels_of_gallery(self, trials: list[Trial]) -> list[Trial]:
-        """The trials, with those that the gallery will show told to keep their labels."""
+        """The trials; those that the gallery will show keep their labels."""
         from studies.figures.gallery import choose_trials
 
         gallery = self._checked_gallery()

@@ -171,7 +171,7 @@ class Poses(Experiment):
         groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
         records = []
         for key, group in groups:
-            shapes = [_summary(shape, of_shape) for shape, of_shape in group.groupby("part", sort=False)]
+            shapes = [_summary(str(shape), of_shape) for shape, of_shape in group.groupby("part", sort=False)]
             if len(shapes) > 1:
                 shapes.append(_summary(ALL_SHAPES, group))
             records += [dict(zip(keys, key, strict=True)) | shape for shape in shapes]

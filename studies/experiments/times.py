@@ -10,7 +10,7 @@ import numpy as np
 
 from studies import metrics
 from studies.columns import Column, Table
-from studies.experiments.change import summary
+from studies.experiments.change import COLUMNS_BY_LEVEL, summary
 from studies.experiments.experiment import (
     FAILURES,
     MODELS,
@@ -148,7 +148,7 @@ class Times(Experiment):
                 ]
         return trials
 
-    def _drawn(self, models: list[Model]) -> list[Model]:
+    def _drawn(self, models: Sequence[Model]) -> Sequence[Model]:
         if self.models_drawn is None or require_whole_number("models_drawn", self.models_drawn) >= len(models):
             return models
         drawn = np.random.default_rng(self.seed).choice(len(models), self.models_drawn, replace=False)
@@ -201,7 +201,7 @@ class Times(Experiment):
         )  # fmt: skip
         return [
             Table("table", frame_of(records), columns, notes=self.notes, value="unchanged"),
-            Table("by_time", summary(rows), value="mean"),
+            Table("by_time", summary(rows), COLUMNS_BY_LEVEL, value="mean"),
         ]
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
@@ -228,7 +228,7 @@ def _unchanged(rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str
     import pandas as pd
 
     good = rows[(rows["status"] == "ok") & rows["level"].between(low, high)]
-    failed = int((rows.groupby("model")["status"].agg(lambda status: (status != "ok").any())).sum())
+    failed = rows.loc[rows["status"] != "ok", "model"].nunique()
     coarse = good[good["level"].isin([low, REFERENCE_TIME, high])]
     for counted, column, kept in (
         ("all", "n_segments", good),
@@ -248,7 +248,7 @@ def _unchanged(rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str
             "unchanged": same["same"].mean(),
             "ci_low": ci_low,
             "ci_high": ci_high,
-            "within_one": 100.0 * (spread <= 1).mean(),
+            "within_one": 100.0 * (spread <= 1).astype(float).mean(),
             "n": len(same),
             "failures": failed,
         }

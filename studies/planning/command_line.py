@@ -87,11 +87,11 @@ def option_names(arguments: Sequence[str]) -> list[str]:
         with initialize_config_module("conf", version_base="1.3"), suppress(HydraException):
             cfg = compose("config", overrides)
             return [
-                f"{key}.{name}" if name else str(key)
-                for key, node in cfg.items_ex(resolve=False)
-                if key not in ("study", "paper", "experiment")
-                for name in (node if isinstance(node, DictConfig) else [""])
-                if not str(name).startswith("_")
+                f"{key}.{name}" if name else key
+                for key, node in ((str(key), node) for key, node in cfg.items_ex(resolve=False))
+                if key not in ("study", "experiment")
+                for name in (map(str, node) if isinstance(node, DictConfig) else [""])
+                if not name.startswith("_")
                 if not (name and OmegaConf.is_interpolation(node, name))  # it is an option elsewhere
             ]
     return []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import hydra.utils
 from hydra import compose
+from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, InstantiationException
 from omegaconf import DictConfig, OmegaConf
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from studies.execution import Engine
     from studies.experiments import Experiment
     from studies.planning.trial import Trial
+    from studies.reporting.publication import Publication
     from studies.segmenters import Segmenter
 
 ON_ERROR = ("continue", "stop")
@@ -48,8 +50,8 @@ class Study:
     on_error : {"continue", "stop"}
     retry_failed, fresh, dry_run : bool
         see conf/config.yaml
-    paper : mapping or None
-        the publication next to whose values results are shown, as in conf/paper
+    publication : Publication or None
+        whose values are shown next to the computed ones
     record : dict
         the configuration as it is stored with the results
     command : str
@@ -68,7 +70,7 @@ class Study:
     retry_failed: bool = False
     fresh: bool = False
     dry_run: bool = False
-    paper: Mapping[str, Any] | None = None
+    publication: Publication | None = None
     record: Mapping[str, Any]
     command: str = ""
 
@@ -98,6 +100,8 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
     StudyError
         if the configuration is not a study; other ValueErrors come from the parts that refuse their options
     """
+    from studies.reporting.publication import Publication
+
     if "study" not in cfg:
         raise StudyError(f"no study is given; type +study=NAME, NAME one of {', '.join(study_names())}")
     if OmegaConf.is_missing(cfg.study, "name"):
@@ -122,7 +126,7 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
         retry_failed=bool(cfg.retry_failed),
         fresh=bool(cfg.fresh),
         dry_run=bool(cfg.dry_run),
-        paper=OmegaConf.to_container(cfg.paper, resolve=True) if cfg.get("paper") else None,  # type: ignore[arg-type]
+        publication=Publication.load(cfg.publication) if cfg.publication else None,
         record=_record(cfg),
         command=command_of(overrides),
     )
@@ -130,7 +134,7 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
 
 def study_names() -> list[str]:
     """The studies in conf/study and in further folders of the search path."""
-    loader = hydra.core.global_hydra.GlobalHydra.instance().config_loader()
+    loader = GlobalHydra.instance().config_loader()
     return loader.get_group_options("study")
 
 
@@ -198,7 +202,7 @@ def _options_of(name: Any) -> dict[str, Any]:
     try:
         cfg = compose(f"segmenter/{name}")
     except HydraException as error:
-        loader = hydra.core.global_hydra.GlobalHydra.instance().config_loader()
+        loader = GlobalHydra.instance().config_loader()
         known = ", ".join(loader.get_group_options("segmenter"))
         raise StudyError(
             f"segmenters contains {name!r}, which is neither one of {known} nor a dotted name such as my_package.method"
@@ -216,5 +220,4 @@ def _record(cfg: DictConfig) -> dict[str, Any]:
         # provenance.json identifies the data by their digests.
         record["dataset"]["root"] = Path(str(root)).name
     record["title"] = str(cfg.title)
-    record["paper"] = cfg.paper.name if cfg.get("paper") else None
     return record

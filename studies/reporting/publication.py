@@ -9,6 +9,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from studies.columns import Column, Published, Table
+from studies.planning.errors import StudyError
 from studies.reporting.claims import Claim
 
 if TYPE_CHECKING:
@@ -31,10 +32,21 @@ class Publication:
 
     @classmethod
     def load(cls, name: str) -> Publication:
-        """The publication in conf/paper/NAME.yaml."""
+        """The publication in conf/paper/NAME.yaml.
+
+        Raises
+        ------
+        StudyError
+            if there is no such file
+        """
         import yaml
 
-        return cls(yaml.safe_load(resources.files("conf").joinpath("paper", f"{name}.yaml").read_text("utf-8")))
+        folder = resources.files("conf").joinpath("paper")
+        path = folder.joinpath(f"{name}.yaml")
+        if not path.is_file():
+            known = ", ".join(sorted(file.name.removesuffix(".yaml") for file in folder.iterdir()))
+            raise StudyError(f"publication is {name!r}: it must be null or one of {known}")
+        return cls(yaml.safe_load(path.read_text("utf-8")))
 
     @property
     def citation(self) -> str:
@@ -76,7 +88,7 @@ class Publication:
             return table
         name = self._data["column"]
         frame = table.frame.copy()
-        values = [self._value(record, rows) for record in frame.to_dict("records")]
+        values = [self._value(record, rows) for record in table.records()]
         position = list(frame.columns).index(table.published_before) if table.published_before else len(frame.columns)
         frame.insert(position, name, values)
         shown = next((column for column in table.columns if column.name == table.value), Column(name=table.value))
@@ -109,7 +121,7 @@ class Publication:
         if "source" in table.frame:
             yield from self._claims_about_methods(table)
             return
-        for record in table.frame.to_dict("records") if table.name == "table" else ():
+        for record in table.records() if table.name == "table" else ():
             for entry in self._matching(record, rows):
                 if not _all_equal(record, entry.get("only", {})):
                     continue
@@ -129,7 +141,7 @@ class Publication:
 
     def _claims_about_methods(self, table: Table) -> Iterator[Claim]:
         methods = self._data["methods"]
-        for record in table.frame.to_dict("records"):
+        for record in table.records():
             published = methods["rows"].get(record["method"])
             if published is None or record["source"] == self._data["column"]:
                 continue
@@ -137,7 +149,9 @@ class Publication:
                 yield Claim(
                     methods["claim"].format(method=record["method"], metric=metric.replace("_", " ")),
                     _number(value),
-                    *(record[name] for name in (metric, f"{metric}_low", f"{metric}_high")),
+                    record[metric],
+                    record[f"{metric}_low"],
+                    record[f"{metric}_high"],
                     digits=methods["digits"],
                 )
 

@@ -91,7 +91,7 @@ class Results:
             title=f"{record['title']} on {dataset}",
             experiment=experiment,
             rows=rows,
-            publication=Publication.load(record["paper"]) if record.get("paper") else None,
+            publication=Publication.load(record["publication"]) if record.get("publication") else None,
             command=command,
         )
 

@@ -47,6 +47,7 @@ class External:
 
     Examples
     --------
+    >>> import sys
     >>> External(f"'{sys.executable}' mytool.py {{mesh}} {{labels}} --parts 5").name.split()[1:]
     ['mytool.py', '--parts', '5']
     """
@@ -114,7 +115,7 @@ class External:
             mesh, labels, printed = (Path(folder, name) for name in (f"mesh{self.suffix}", "labels.txt", "printed.txt"))
             WRITERS[self.suffix](mesh, vertices, faces)
             words = [word.replace("{mesh}", str(mesh)).replace("{labels}", str(labels)) for word in self.words]
-            # Into a file: a pipe would have to be emptied, and would stay open as long as anything holds it.
+            # Output goes to a file: a pipe would have to be emptied, and stays open as long as any process uses it.
             with (
                 printed.open("wb") as sink,
                 subprocess.Popen(

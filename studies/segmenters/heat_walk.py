@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -70,13 +70,13 @@ class HeatWalk:
         return heatwalk.segment(vertices, faces, self.time, **self._options())
 
     def segmentations(
-        self, vertices: NDArray[np.float64], faces: NDArray[np.int64], times: Iterable[float]
+        self, vertices: NDArray[np.float64], faces: NDArray[np.int64], times: Sequence[float]
     ) -> Iterator[heatwalk.Segmentation]:
         """The complete results of `heatwalk.segment_at_times`, which solves one eigenproblem for all times."""
         return heatwalk.segment_at_times(vertices, faces, times, **self._options())
 
     def at_times(
-        self, vertices: NDArray[np.float64], faces: NDArray[np.int64], times: Iterable[float]
+        self, vertices: NDArray[np.float64], faces: NDArray[np.int64], times: Sequence[float]
     ) -> Iterator[NDArray[np.int64]]:
         """Labels of the vertices at each of ``times``.
 

@@ -61,7 +61,7 @@ class Segmenter:
         return [options, self.version]
 
     @property
-    def method(self) -> Callable[..., ArrayLike]:
+    def method(self) -> Any:
         """The callable that the recipe describes."""
         return _method(self.recipe)
 

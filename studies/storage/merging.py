@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from omegaconf import OmegaConf
+import yaml
 
 from studies.columns import Column
 from studies.planning.trial import TIMINGS
@@ -81,9 +81,7 @@ def check_folders(first: Path, second: Path, into: Path) -> None:
 
 def read_options(folder: Path) -> Options:
     """The configuration of a results folder, as plain dicts and lists."""
-    options = OmegaConf.to_container(OmegaConf.load(folder / CONFIG_FILE))
-    assert isinstance(options, dict)
-    return options  # type: ignore[return-value]
+    return yaml.safe_load((folder / CONFIG_FILE).read_text("utf-8"))
 
 
 def merge(
@@ -123,7 +121,7 @@ def merge(
         store.write_plan(dict.fromkeys([*rows["trial_id"], *planned]))
         options = _merge_options(a, b)
         with atomic_write(into / CONFIG_FILE) as path:
-            OmegaConf.save(OmegaConf.create(options), path)
+            path.write_text(yaml.safe_dump(options, sort_keys=False, allow_unicode=True), "utf-8")
         meshes = origin_a["meshes_sha256"] | origin_b["meshes_sha256"]
         with atomic_write(into / PROVENANCE_FILE) as path:
             origin = origin_a | {"meshes_sha256": meshes, "merged_with": origin_b}
@@ -177,7 +175,7 @@ def _check_versions(a: Mapping[str, Any], b: Mapping[str, Any], first: Path, sec
 
 
 def _merge_rows(a: "pd.DataFrame", b: "pd.DataFrame", first: Path, second: Path) -> "pd.DataFrame":
-    """The rows of both, one per trial, ordered by model, part and level as these first occur.
+    """The rows of both, one per trial, ordered by model, segmenter, part and level as these first occur.
 
     A successful row replaces one that failed.
     """
@@ -185,7 +183,7 @@ def _merge_rows(a: "pd.DataFrame", b: "pd.DataFrame", first: Path, second: Path)
 
     _check_results(a, b, first, second)
     rows = pd.concat([a, b], ignore_index=True)
-    keys = [rows[key].factorize()[0] for key in ("level", "part", "model")]
+    keys = [rows[key].factorize()[0] for key in ("level", "part", "segmenter", "model")]
     rows = rows.iloc[np.lexsort([rows["repeat"].to_numpy(), *keys])]
     failed = rows["status"] != "ok"
     kept = pd.concat([rows[~failed], rows[failed]]).drop_duplicates("trial_id").index

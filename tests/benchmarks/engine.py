@@ -1,9 +1,9 @@
-"""What the study engine adds to the trials: throughput, overhead, start and resume of a large plan, memory.
+"""What the engine adds to the time of the trials: throughput, overhead, start and resume of a large plan, memory.
 
     python -m tests.benchmarks.engine [--only throughput overhead plan]
 
-Each study is a process of its own, the command that a person types. Figures mean something on a machine that does
-nothing else; the load average is printed with them.
+Each study is run by the command that a user types. The values are meaningful on a machine that does nothing else; the
+load average is printed with them.
 """
 
 import argparse
@@ -15,29 +15,30 @@ import tempfile
 import time
 from pathlib import Path
 
+import loky
 import psutil
 from rich.console import Console
 from rich.table import Table
 
 from tests.helpers.meshes import bundled
 
-MESHES = 5  # of some 5,000 vertices each: the bundled bone under five names, refined
+MESHES = 5  # of some 5,000 vertices each: the bundled bone, refined, under five names
 STUDY = ("+study=normal_noise", "dataset=files", "gallery.models=0")
 INSTANT = ("segmenter=custom", "segmenter._target_=tests.helpers.segmenting.halves")
 PLANNED = 100_000
 
 
 def throughput(folder):
-    """Trials a second of two workers over those of one, on the same study of 200 trials."""
+    """Trials per second of two workers over those of one, in the same study of 200 trials."""
     rates = {}
     for workers in (1, 2):
         words = (*STUDY, *refined(folder), "repeats=20", "levels=[0.1,0.2]", f"engine.workers={workers}")
         rates[workers] = rate(*watched(folder, *words, f"results_dir=throughput{workers}")[:2])
-    return [("trials a second, 2 workers over 1", "≥ 1.8", f"{rates[2] / rates[1]:.2f}")]
+    return [("trials per second, 2 workers over 1", "≥ 1.8", f"{rates[2] / rates[1]:.2f}")]
 
 
 def overhead(folder):
-    """Wall time of the trials, beyond the sum of their own seconds divided by the workers: 500 trials."""
+    """Wall time of 500 trials beyond the sum of their own seconds per worker."""
     lines = []
     for workers in (1, 2):
         words = (*STUDY, *refined(folder), "repeats=20", f"engine.workers={workers}")
@@ -52,7 +53,7 @@ def overhead(folder):
 
 
 def plan(folder):
-    """Seconds to the first trial of a large plan, and to the next one after a kill; memory of the head process."""
+    """Seconds until a large plan starts, and until it goes on after a kill; memory of the head process."""
     bundled("ant").export(folder / "ant.off")
     words = (*STUDY, *INSTANT, "dataset.glob=ant.off", f"repeats={PLANNED // 5}", "results_dir=plan")
     lines = []
@@ -71,7 +72,7 @@ def plan(folder):
 
 
 def refined(folder):
-    """Options for meshes of some 5,000 vertices, which are made first."""
+    """Options for meshes of some 5,000 vertices, which are created first."""
     mesh = bundled("bone").subdivide_loop(1)
     (folder / "meshes").mkdir(exist_ok=True)
     for i in range(MESHES):
@@ -80,14 +81,26 @@ def refined(folder):
 
 
 def rate(wall, rows):
-    """Trials a second between the first and the last row."""
+    """Trials per second between the first and the last row."""
     return (len(rows) - 1) / (rows[-1][0] - rows[0][0])
 
 
 def watched(folder, *words, stop_after=None):
-    """Run a study: its seconds, (seconds since its start, row) of every new row, MB that its head held at these times.
+    """Run a study and watch its rows.
 
-    stop_after : how many new rows; the study is killed then
+    Parameters
+    ----------
+    folder : Path
+        where it runs
+    *words : str
+        its options
+    stop_after : int, optional
+        number of new rows after which it is killed
+
+    Returns
+    -------
+    tuple
+        its seconds; (seconds since its start, row) of every new row; MB that its head process held at these times
     """
     results = next(word.partition("=")[2] for word in words if word.startswith("results_dir="))
     path = folder / results / "normal_noise" / "files" / "trials.jsonl"
@@ -119,7 +132,7 @@ def main():
     parser = argparse.ArgumentParser(prog="tests.benchmarks.engine", description=__doc__.split("\n\n")[0])
     parser.add_argument("--only", nargs="+", choices=MEASURES, default=list(MEASURES), help="(default: all)")
     table = Table("measure", "target", "value")
-    load = os.getloadavg()[0]
+    load = psutil.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:
         for name in parser.parse_args().only:
             for line in MEASURES[name](Path(folder)):
@@ -127,8 +140,8 @@ def main():
     console = Console()
     console.width = max(console.width, 110)
     console.print(table)
-    processors = len(os.sched_getaffinity(0))
-    console.print(f"{processors} processors; load average {load:.1f} before, {os.getloadavg()[0]:.1f} after")
+    load_after = psutil.getloadavg()[0]
+    console.print(f"{loky.cpu_count()} processors; load average {load:.1f} before, {load_after:.1f} after")
 
 
 MEASURES = {"throughput": throughput, "overhead": overhead, "plan": plan}

@@ -1,16 +1,16 @@
-"""Seconds and memory of segmentation against the number of vertices, and against what stands in its place today.
+"""Time and memory of segmentation as functions of the number of vertices, compared with the alternatives.
 
     python -m tests.benchmarks.scaling [--largest 1000000] [--output results/performance]
 
-Every measurement is a process of its own with one BLAS thread; seconds are CPU seconds, the fewest of two to five
-processes: memory that a virtual machine has given back to its host takes seconds a gigabyte to get again. Of each pair
-of commands that make a ratio, both run in this one run, one after the other.
+Every measurement runs in its own process with one BLAS thread. Seconds are CPU seconds, the minimum of two to five
+processes: a virtual machine that has returned memory to its host needs seconds per gigabyte to get it back. Both
+commands of each ratio are measured in the same run, one after the other. The sparse solvers are also measured with the
+default number of threads, in elapsed seconds.
 """
 
 import argparse
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -19,12 +19,16 @@ from pathlib import Path
 
 SIZES = (1_000, 5_000, 25_000, 100_000, 400_000, 1_000_000)
 LARGEST_DENSE = 25_000  # n x n arrays: 5 GB each
-SAMPLED_ROWS = 20_000  # of the blocked product, where all rows would take hours
+SAMPLED_ROWS = 20_000  # of the blocked product, if all rows would take hours
 STAGES = ("operator", "spectrum", "walk", "dissipators")
+
+SOLVER_SIZES = (25_000, 100_000, 400_000, 1_000_000)
+N_SOLVES = 41  # of two columns each: what the eigensolver needs for 21 pairs
+SOLVER_LIMIT = 300  # seconds per process
 
 
 def ours(vertices, faces):
-    """Mesh to labels, by stage."""
+    """Mesh to labels, with the seconds of each stage."""
     import heatwalk
 
     warm_up()
@@ -41,17 +45,17 @@ def ours(vertices, faces):
 
 
 def scipy_eigsh(vertices, faces):
-    """SciPy's own generalised shift-and-invert, 30 pairs, nothing tuned."""
+    """Generalised shift-and-invert of SciPy with default options, 30 pairs."""
     return {"seconds": timed(lambda: _eigsh(*_operator(vertices, faces)))}
 
 
-def todays_code(vertices, faces):
-    """What a user would write: the operator, eigsh, and the walk by blocks of kernel rows in NumPy."""
+def plain_numpy(vertices, faces):
+    """What a user would write: the operator, eigsh, and the walk in NumPy by blocks of kernel rows."""
     return {"seconds": timed(lambda: _blocked_walk(_factor(*_eigsh(*_operator(vertices, faces)))))}
 
 
 def blocked_product(vertices, faces):
-    """The largest inner product of every row by blocked matrix products; of a sample of the rows where n is large."""
+    """The largest inner product of every row by blocked matrix products; of a sample of the rows if n is large."""
     import numpy as np
 
     factor = np.random.default_rng(0).standard_normal((len(vertices), 15))
@@ -60,20 +64,20 @@ def blocked_product(vertices, faces):
 
 
 def dense(vertices, faces):
-    """The paper as printed, with n x n arrays, vectorised over rows; the eigenpairs by eigsh."""
+    """The method as printed in the paper, with n x n arrays, vectorised over rows; the eigenpairs by eigsh."""
     return {"seconds": timed(lambda: _dense_paper(_factor(*_eigsh(*_operator(vertices, faces)))))}
 
 
 def import_heatwalk(vertices, faces):
-    """Wall seconds of ``import heatwalk`` in a new process, the median of seven."""
+    """Elapsed seconds of ``import heatwalk`` in a new process, the median of seven."""
 
     def once():
         start = time.perf_counter()
         subprocess.run([sys.executable, "-c", "import heatwalk"], check=True)
-        with_it = time.perf_counter() - start
+        with_import = time.perf_counter() - start
         start = time.perf_counter()
         subprocess.run([sys.executable, "-c", "pass"], check=True)
-        return with_it - (time.perf_counter() - start)
+        return with_import - (time.perf_counter() - start)
 
     return {"seconds": sorted(once() for _ in range(7))[3]}
 
@@ -86,7 +90,7 @@ def timed(function):
 
 
 def warm_up():
-    """Load, and compile if need be, everything before the clock starts."""
+    """Load everything, and compile it if necessary, before the clock starts."""
     import numpy as np
 
     import heatwalk
@@ -174,38 +178,138 @@ def _dense_paper(factor):
     return labels
 
 
+def solver_heatwalk(matrix, blocks):
+    """The solver of this package."""
+    from heatwalk.numerics.solver import PositiveDefiniteSolver
+
+    solver = yield PositiveDefiniteSolver(matrix)
+    for block in blocks:
+        solver.solve(block)
+    yield solver.n_entries
+
+
+def solver_cholmod(matrix, blocks):
+    """CHOLMOD by cholespy: simplicial, nested dissection by METIS."""
+    import numpy as np
+    from cholespy import CholeskySolverD, MatrixType
+
+    indptr, indices = matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)
+    solver = yield CholeskySolverD(matrix.shape[0], indptr, indices, matrix.data, MatrixType.CSR)
+    for block in blocks:
+        solver.solve(block, np.empty_like(block))
+    yield None  # not available
+
+
+def solver_superlu(matrix, blocks):
+    """SuperLU by SciPy, with the options for a symmetric positive definite matrix."""
+    from scipy.sparse.linalg import splu
+
+    solver = yield splu(
+        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    for block in blocks:
+        solver.solve(block)
+    yield solver.nnz
+
+
+def measure_solver(solver, matrix):
+    """Seconds to order and factorise a matrix and to solve with it; each CPU and elapsed."""
+    import numpy as np
+    import scipy.sparse as sp
+
+    block = np.random.default_rng(0).standard_normal((matrix.shape[0], 2))
+    small = sp.diags_array([-1.0, 3.0, -1.0], offsets=[-1, 0, 1], shape=(1000, 1000)).tocsr()
+    warm = solver(small, [block[:1000]])
+    warm.send(next(warm))
+
+    marks = [(time.process_time(), time.perf_counter())]
+    run = solver(matrix, [block] * N_SOLVES)
+    factorised = next(run)
+    marks.append((time.process_time(), time.perf_counter()))
+    n_entries = run.send(factorised)
+    marks.append((time.process_time(), time.perf_counter()))
+    (factor_cpu, factor_elapsed), (solve_cpu, solve_elapsed) = np.diff(marks, axis=0).tolist()
+    return {
+        "seconds": factor_cpu + solve_cpu,
+        "factor": factor_cpu,
+        "solve": solve_cpu,
+        "elapsed": factor_elapsed + solve_elapsed,
+        "entries": n_entries,
+    }
+
+
+def shifted_matrix(vertices, faces):
+    """The matrix that the eigensolver factorises: M^{-1/2} L M^{-1/2} - σ I, as scipy.sparse.csr_array."""
+    import scipy.sparse as sp
+
+    from heatwalk.numerics.sparse import scale_symmetric
+    from heatwalk.spectrum import SHIFT
+
+    stiffness, mass = _operator(vertices, faces)
+    return (scale_symmetric(stiffness, mass**-0.5) - SHIFT * sp.eye_array(len(mass))).tocsr()
+
+
+SOLVERS = {
+    "solver_heatwalk": ("this package", solver_heatwalk),
+    "solver_cholmod": ("CHOLMOD (cholespy)", solver_cholmod),
+    "solver_superlu": ("SuperLU (SciPy)", solver_superlu),
+}
+
 MEASUREMENTS = {
     function.__name__: function
-    for function in (ours, scipy_eigsh, todays_code, blocked_product, dense, import_heatwalk)
+    for function in (ours, scipy_eigsh, plain_numpy, blocked_product, dense, import_heatwalk)
 }
 
 
-def measure(name, surface_file):
-    """One measurement, the quickest of a few processes of its own: its figures, and the process's peak memory in bytes.
+def measure(name, input_file, threads=1, limit=None, key="seconds"):
+    """The fastest of several processes: its results, and its peak memory in bytes. None if one exceeds the limit.
 
-    Five where they take half a minute at most, else at least two.
+    Five processes if they take half a minute at most, otherwise at least two, or one of more than a minute.
     """
-    environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    command = [sys.executable, "-m", "tests.benchmarks.scaling", "--measure", name, "--surface", str(surface_file)]
+    environment = dict(os.environ)
+    if threads is not None:
+        names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+        environment |= dict.fromkeys(names, str(threads))
+    command = [sys.executable, "-m", "tests.benchmarks.scaling", "--measure", name, "--input", str(input_file)]
     runs, start = [], time.perf_counter()
-    while len(runs) < 2 or (len(runs) < 5 and time.perf_counter() - start < 30):
-        run = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    while len(runs) < 5 and (not runs or time.perf_counter() - start < (60 if len(runs) < 2 else 30)):
+        try:
+            run = subprocess.run(command, env=environment, check=True, capture_output=True, text=True, timeout=limit)
+        except subprocess.TimeoutExpired:
+            return None
         runs.append(json.loads(run.stdout))
-    return min(runs, key=lambda figures: figures["seconds"])
+    return min(runs, key=lambda result: result[key])
 
 
-def _measure_here(name, surface_file):
+def _measure_here(name, input_file):
     import numpy as np
+    import scipy.sparse as sp
 
-    with np.load(surface_file) as surface:
-        vertices, faces = surface["vertices"], surface["faces"]
-    figures = MEASUREMENTS[name](vertices, faces)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    print(json.dumps({"n": len(vertices), "peak_bytes": peak, **figures}))
+    if name in SOLVERS:
+        matrix = sp.load_npz(input_file)
+        result = {"n": matrix.shape[0], **measure_solver(SOLVERS[name][1], matrix)}
+    else:
+        with np.load(input_file) as surface:
+            vertices, faces = surface["vertices"], surface["faces"]
+        result = {"n": len(vertices), **MEASUREMENTS[name](vertices, faces)}
+    print(json.dumps({"peak_bytes": peak_memory(), **result}))
+
+
+def peak_memory():
+    """Peak memory of this process in bytes."""
+    import psutil
+
+    memory = psutil.Process().memory_info()
+    if hasattr(memory, "peak_wset"):  # Windows
+        return memory.peak_wset
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024  # kilobytes on Linux
 
 
 def throughput(folder, seconds=60):
-    """Meshes segmented a second by two processes over one: benchmark-sized surfaces, each process its own loop."""
+    """Meshes segmented per second by one and by two processes: surfaces of the size of benchmark models."""
     code = (
         "import sys, time, threadpoolctl, numpy as np, heatwalk\n"
         "threadpoolctl.threadpool_limits(1)\n"
@@ -218,7 +322,7 @@ def throughput(folder, seconds=60):
         "    heatwalk.segment(*meshes[done % len(meshes)]); done += 1\n"
         "print(done / (time.perf_counter() - start))\n"
     )
-    files = [str(file) for file in sorted(folder.glob("*.npz")) if int(file.stem) in (5_000, 25_000)]
+    files = [str(file) for file in (folder / "5000.npz", folder / "25000.npz") if file.exists()]
 
     def rate(processes):
         running = [
@@ -239,37 +343,54 @@ def throughput(folder, seconds=60):
     return {"one": one, "two": two}
 
 
-def run(largest, folder):
-    """Every measurement up to ``largest`` vertices: dict (measurement, size) -> figures, written as it grows."""
+def run(largest):
+    """Every measurement up to ``largest`` vertices: dict (measurement, size) -> results, printed as they are made."""
     import numpy as np
 
     from tests.helpers.surfaces import surface
 
-    folder.mkdir(parents=True, exist_ok=True)
-    figures = {}
-    with tempfile.TemporaryDirectory() as surfaces:
+    results = {}
+
+    def record(name, size, result):
+        results[name, size] = result
+        print(f"{size:>9,} {name:<24}", json.dumps(result) if result else "did not finish", flush=True)
+
+    with tempfile.TemporaryDirectory() as folder:
         for size in (size for size in SIZES if size <= largest):
-            file = Path(surfaces) / f"{size}.npz"
+            file = Path(folder) / f"{size}.npz"
             vertices, faces = surface(size)
             np.savez(file, vertices=vertices, faces=faces)
-            wanted = ["ours", "scipy_eigsh"]
-            wanted += ["blocked_product"] if size <= 100_000 else []
-            wanted += ["todays_code"] if size in (25_000, 100_000) else []
-            wanted += ["dense"] if size <= LARGEST_DENSE else []
-            for name in wanted:
-                figures[name, size] = measure(name, file)
-                print(f"{size:>9,} {name:<16}", json.dumps(figures[name, size]), flush=True)
-        figures["import_heatwalk", 0] = measure("import_heatwalk", file)
-        figures["throughput", 0] = throughput(Path(surfaces))
-        figures["load", 0] = {"average": os.getloadavg()[2], "processors": os.cpu_count()}
-    return figures
+            names = ["ours", "scipy_eigsh"]
+            names += ["blocked_product"] if size <= 100_000 else []
+            names += ["plain_numpy"] if size in (25_000, 100_000) else []
+            names += ["dense"] if size <= LARGEST_DENSE else []
+            for name in names:
+                record(name, size, measure(name, file))
+            if size in SOLVER_SIZES:
+                for name, result in measure_solvers(vertices, faces, Path(folder)):
+                    record(name, size, result)
+        record("import_heatwalk", 0, measure("import_heatwalk", file))
+        record("throughput", 0, throughput(Path(folder)))
+        record("load", 0, {"average": os.getloadavg()[2], "processors": os.cpu_count()})
+    return results
 
 
-def targets(figures):
-    """What is measured, the target, and what it came to: list of (measure, target, value, whether it is met)."""
+def measure_solvers(vertices, faces, folder):
+    """Yield (measurement, results) of each sparse solver on one surface, with one thread and with the default."""
+    import scipy.sparse as sp
+
+    file = folder / "matrix.npz"
+    sp.save_npz(file, shifted_matrix(vertices, faces), compressed=False)
+    for name in SOLVERS:
+        yield name, measure(name, file, limit=SOLVER_LIMIT)
+        yield f"{name}_threaded", measure(name, file, threads=None, limit=SOLVER_LIMIT, key="elapsed")
+
+
+def targets(results):
+    """Targets: list of (measure, target, measured value, whether the target is met)."""
 
     def of(name, size, key="seconds"):
-        return figures.get((name, size), {}).get(key, float("nan"))
+        return (results.get((name, size)) or {}).get(key, float("nan"))
 
     rows = []
 
@@ -296,83 +417,129 @@ def targets(figures):
             f"mesh to labels over SciPy's eigsh alone at {size:,}", most, of("ours", size) / of("scipy_eigsh", size)
         )
     for size, least in ((25_000, 8), (100_000, 15)):
-        at_least(f"today's code over ours at {size:,}", least, of("todays_code", size) / of("ours", size))
-    at_least("the paper written densely over ours at 25,000: time", 80, of("dense", 25_000) / of("ours", 25_000))
+        at_least(f"plain NumPy and SciPy over ours at {size:,}", least, of("plain_numpy", size) / of("ours", size))
+    at_least("the paper's dense method over ours at 25,000: time", 80, of("dense", 25_000) / of("ours", 25_000))
     peak = of("dense", 25_000, "peak_bytes") / of("ours", 25_000, "peak_bytes")
-    at_least("the paper written densely over ours at 25,000: memory", 20, peak)
+    at_least("the paper's dense method over ours at 25,000: memory", 20, peak)
     at_most("time at 1,000,000 over time at 100,000", 14, of("ours", 1_000_000) / of("ours", 100_000))
     at_most("peak memory at 1,000,000, GB", 2.5, of("ours", 1_000_000, "peak_bytes") / 1e9)
-    at_least("meshes a second, 2 processes over 1", 1.8, of("throughput", 0, "two") / of("throughput", 0, "one"))
+    at_least("meshes per second, 2 processes over 1", 1.8, of("throughput", 0, "two") / of("throughput", 0, "one"))
     at_most("import heatwalk, seconds", 0.5, of("import_heatwalk", 0))
     return [row for row in rows if row[2] == row[2]]
 
 
-def write(figures, folder):
-    """The table of targets, the table of stages, and the log-log plot."""
-    from matplotlib.figure import Figure  # not in the processes whose memory is measured
+def write(results, folder):
+    """Write the tables as Markdown, all results as JSON, and the log-log plot."""
+    folder.mkdir(parents=True, exist_ok=True)
 
-    sizes = sorted(size for name, size in figures if name == "ours")
+    sizes = sorted(size for name, size in results if name == "ours")
     lines = [
         "# Performance",
         "",
-        "Made by `python -m tests.benchmarks.scaling`. CPU seconds, one thread, the fewest of two to five processes. "
+        "Made by `python -m tests.benchmarks.scaling`. CPU seconds, one thread, minimum of two to five processes. "
         "Load average of the "
-        f"last quarter of an hour, of which 1 is this benchmark's own: {figures['load', 0]['average']:.1f} on "
-        f"{figures['load', 0]['processors']} processors.",
+        f"last 15 minutes, of which 1 is due to this benchmark itself: {results['load', 0]['average']:.1f} on "
+        f"{results['load', 0]['processors']} processors.",
         "",
     ]
     lines += ["| measure | target | reached | |", "| --- | --- | --- | --- |"]
-    lines += [f"| {m} | {t} | {v:.3g} | {'met' if met else 'missed'} |" for m, t, v, met in targets(figures)]
+    lines += [f"| {m} | {t} | {v:.3g} | {'met' if met else 'missed'} |" for m, t, v, met in targets(results)]
     lines += [
         "",
         "| vertices | pairs | " + " | ".join(STAGES) + " | total | peak GB | SciPy's eigsh |",
         "|" + " --- |" * 9,
     ]
     for size in sizes:
-        row = figures["ours", size]
+        row = results["ours", size]
         stages = " | ".join(f"{row[stage]:.3f}" for stage in STAGES)
         lines.append(
             f"| {row['n']:,} | {row['pairs']} | {stages} | {row['seconds']:.2f} | {row['peak_bytes'] / 1e9:.2f} "
-            f"| {figures['scipy_eigsh', size]['seconds']:.2f} |"
+            f"| {results['scipy_eigsh', size]['seconds']:.2f} |"
         )
+    lines += ["", *solver_lines(results)]
     (folder / "performance.md").write_text("\n".join(lines) + "\n")
     (folder / "performance.json").write_text(
-        json.dumps([{"measurement": name, "size": size, **row} for (name, size), row in figures.items()], indent=1)
+        json.dumps(
+            [{"measurement": name, "size": size, **(row or {})} for (name, size), row in results.items()], indent=1
+        )
         + "\n"
     )
+    plot(results, folder / "performance.png")
 
+
+def solver_lines(results):
+    """The comparison of the sparse solvers, as lines of Markdown."""
+    lines = [
+        "## Sparse solver",
+        "",
+        "Ordering and factorising the matrix of the eigensolver, and solving "
+        f"{N_SOLVES} blocks of two columns with it: CPU seconds with one thread, elapsed seconds with the default "
+        f"number of threads, and peak memory of the process. Limit: {SOLVER_LIMIT} s per process.",
+        "",
+        "| vertices | solver | order + factor | solve | total | over ours | elapsed, threaded | over ours | peak GB "
+        "| million entries |",
+        "|" + " --- |" * 10,
+    ]
+    for size in sorted({size for name, size in results if name in SOLVERS}):
+        ours, ours_threaded = results["solver_heatwalk", size], results["solver_heatwalk_threaded", size]
+        for name, (label, _) in SOLVERS.items():
+            row, threaded = results[name, size], results[f"{name}_threaded", size]
+            cells = [f"{size:,}", label]
+            if row:
+                cells += [f"{row[key]:.3f}" for key in ("factor", "solve", "seconds")]
+                cells += [ratio(row, ours, "seconds")]
+            else:
+                cells += ["did not finish", "", "", ""]
+            cells += [f"{threaded['elapsed']:.3f}" if threaded else "did not finish"]
+            cells += [ratio(threaded, ours_threaded, "elapsed")]
+            cells += [f"{row['peak_bytes'] / 1e9:.2f}" if row else ""]
+            cells += [f"{row['entries'] / 1e6:.1f}" if row and row["entries"] else ""]
+            lines.append("| " + " | ".join(cells) + " |")
+    return lines
+
+
+def ratio(row, ours, key):
+    """How many times longer than ours; empty if either did not finish."""
+    return f"{row[key] / ours[key]:.2f}" if row and ours else ""
+
+
+def plot(results, path):
+    """Seconds and memory against the number of vertices."""
+    from matplotlib.figure import Figure  # not in the processes whose memory is measured
+
+    sizes = sorted(size for name, size in results if name == "ours")
     figure = Figure(figsize=(9, 4), dpi=150, layout="constrained")
     seconds, memory = figure.subplots(1, 2)
     for stage in STAGES:
-        seconds.loglog(sizes, [figures["ours", size][stage] for size in sizes], marker=".", lw=1, label=stage)
-    seconds.loglog(sizes, [figures["ours", size]["seconds"] for size in sizes], "k-o", label="mesh to labels")
-    others = {"scipy_eigsh": "SciPy's eigsh alone", "todays_code": "today's code", "dense": "the paper, n x n"}
+        seconds.loglog(sizes, [results["ours", size][stage] for size in sizes], marker=".", lw=1, label=stage)
+    seconds.loglog(sizes, [results["ours", size]["seconds"] for size in sizes], "k-o", label="mesh to labels")
+    others = {"scipy_eigsh": "SciPy's eigsh alone", "plain_numpy": "plain NumPy and SciPy", "dense": "the paper, n x n"}
     for colour, (name, label) in enumerate(others.items(), start=len(STAGES)):
-        at = sorted(size for other, size in figures if other == name)
+        at = sorted(size for other, size in results if other == name)
         style = {"marker": "s", "ms": 4, "ls": "--", "color": f"C{colour}", "label": label}
-        seconds.loglog(at, [figures[name, size]["seconds"] for size in at], **style)
-        memory.loglog(at, [figures[name, size]["peak_bytes"] / 1e9 for size in at], **style)
-    memory.loglog(sizes, [figures["ours", size]["peak_bytes"] / 1e9 for size in sizes], "k-o", label="mesh to labels")
+        seconds.loglog(at, [results[name, size]["seconds"] for size in at], **style)
+        memory.loglog(at, [results[name, size]["peak_bytes"] / 1e9 for size in at], **style)
+    memory.loglog(sizes, [results["ours", size]["peak_bytes"] / 1e9 for size in sizes], "k-o", label="mesh to labels")
     seconds.set(xlabel="vertices", ylabel="CPU seconds, one thread")
-    seconds.set_ylim(top=20 * seconds.get_ylim()[1])  # the legend stands above the steepest line
+    seconds.set_ylim(top=20 * seconds.get_ylim()[1])  # room for the legend above the steepest line
     memory.set(xlabel="vertices", ylabel="peak memory of the process, GB")
     for axes in (seconds, memory):
         axes.grid(alpha=0.25)
         axes.legend(fontsize=7, frameon=False)
-    figure.savefig(folder / "performance.png")
+    figure.savefig(path)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
-    parser.add_argument("--largest", type=int, default=SIZES[-1], help="vertices of the largest surface")
+    parser.add_argument("--largest", type=int, default=SIZES[-1], help="number of vertices of the largest surface")
     parser.add_argument("--output", type=Path, default=Path("results/performance"))
-    parser.add_argument("--measure", choices=MEASUREMENTS, help=argparse.SUPPRESS)
-    parser.add_argument("--surface", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--measure", choices=[*MEASUREMENTS, *SOLVERS], help=argparse.SUPPRESS)
+    parser.add_argument("--input", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.measure:
-        _measure_here(arguments.measure, arguments.surface)
+        _measure_here(arguments.measure, arguments.input)
     else:
-        figures = run(arguments.largest, arguments.output)
-        write(figures, arguments.output)
-        for measure_name, target, value, met in targets(figures):
+        results = run(arguments.largest)
+        write(results, arguments.output)
+        for measure_name, target, value, met in targets(results):
             print(f"{'met   ' if met else 'MISSED'} {value:>9.3g} {target:>8}  {measure_name}")

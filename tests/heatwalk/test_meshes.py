@@ -6,7 +6,7 @@ import trimesh
 from scipy.cluster.hierarchy import DisjointSet
 
 from heatwalk.io import read_mesh
-from heatwalk.meshes import check_mesh, inspect_mesh
+from heatwalk.meshes import check_mesh, drop_unreferenced, face_areas, inspect_mesh
 from tests.helpers.meshes import BUNDLED, bundled_path
 
 OCTAHEDRON = trimesh.convex.convex_hull(np.vstack([np.eye(3), -np.eye(3)]))
@@ -137,3 +137,39 @@ def test_a_mesh_with_a_nan_is_reported_without_measurements():
     assert report.problem == "1 of 4 vertices have NaN or infinite coordinates: 2"
     assert np.isnan([report.area, report.mean_edge_length, report.bounding_box_diagonal]).all()
     assert report.is_watertight
+
+
+def test_dropping_unreferenced_vertices_keeps_the_order_and_the_triangles():
+    cow = read_mesh(bundled_path("cow"))
+    n = len(cow.vertices)
+    is_new = np.zeros(n + 20, dtype=bool)
+    is_new[np.random.default_rng(0).choice(n + 20, 20, replace=False)] = True
+    spread = np.full((n + 20, 3), np.nan)
+    spread[~is_new] = cow.vertices
+    vertices, faces, kept = drop_unreferenced(spread, np.flatnonzero(~is_new)[cow.faces])
+    assert np.array_equal(vertices, cow.vertices)
+    assert np.array_equal(faces, cow.faces)
+    assert np.array_equal(kept, np.flatnonzero(~is_new))
+
+
+def test_a_mesh_without_unreferenced_vertices_is_returned_as_it_is():
+    vertices, faces, kept = drop_unreferenced(*TETRAHEDRON)
+    assert vertices is TETRAHEDRON[0]
+    assert faces is TETRAHEDRON[1]
+    assert kept.tolist() == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("name", ["cow", "airplane"])
+def test_face_areas_equal_those_of_trimesh_for_any_layout_and_index_type(name):
+    mesh = read_mesh(bundled_path(name))
+    expected = trimesh.triangles.area(mesh.vertices[mesh.faces])
+    np.testing.assert_allclose(face_areas(mesh.vertices, mesh.faces), expected, rtol=1e-9, atol=1e-18)
+    other = face_areas(np.asfortranarray(mesh.vertices), mesh.faces.astype(np.int32)[:, [1, 2, 0]])
+    np.testing.assert_allclose(other, expected, rtol=1e-9, atol=1e-18)
+
+
+def test_faces_that_all_repeat_a_corner_form_no_surface():
+    report = inspect_mesh(TETRAHEDRON[0], [[0, 1, 1], [2, 3, 2]])
+    assert (report.n_boundary_edges, report.mean_edge_length, report.area) == (0, 0, 0)
+    assert not report.is_watertight
+    assert not report.is_consistently_oriented

@@ -118,7 +118,7 @@ def test_rows_that_were_cut_short_are_said_and_their_trials_run_again(study, cap
     capsys.readouterr()
     assert study("repeats=3")
     said = " ".join(capsys.readouterr().out.split())
-    assert "2 damaged rows left out; their trials run again" in said
+    assert "2 damaged rows ignored; their trials run again" in said
     assert "4 of them stored already" in said
     assert table() == before
 

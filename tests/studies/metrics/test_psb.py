@@ -41,16 +41,16 @@ def sphere_with_labels(seed):
 
 
 def by_hand(mesh, a, b):
-    """The metrics by their definitions, a face and a pair at a time."""
+    """The metrics by their definitions, one face and one pair at a time."""
     m, areas = len(a), mesh.area_faces
 
     def outside(inner, outer, of):
-        # Of each segment of `inner`, what lies outside the segment of `outer` that holds the most of it.
+        # The part of each segment of `inner` outside the segment of `outer` that contains the most of it.
         best = [max(of[(inner == i) & (outer == j)].sum() for j in set(outer)) for i in sorted(set(inner))]
         return 1 - sum(best) / of.sum()
 
     def refinement(one, other, of):
-        # |R(one, f) \ R(other, f)| / |R(one, f)|, R being the segment that holds the face f.
+        # |R(one, f) \ R(other, f)| / |R(one, f)|, R being the segment that contains the face f.
         return np.array([of[(one == one[f]) & (other != other[f])].sum() / of[one == one[f]].sum() for f in range(m)])
 
     expected = {
@@ -92,7 +92,7 @@ def test_every_row_of_the_evaluator_is_reproduced(psb_root, psb_mesh):
     worst = max(differences, key=differences.get)
     assert len(differences) == 63 * 9
     assert differences[worst] < 1e-4, worst
-    # The evaluator prints six digits; only its Rand Index error is further off, by the integer it divides by.
+    # The evaluator prints six digits; only its Rand Index error differs by more, due to the integer it divides by.
     assert max(value for (_, metric), value in differences.items() if metric != "rand_index_error") < 1e-6
 
 
@@ -106,7 +106,7 @@ def test_the_keys_are_those_of_the_benchmark(cow):
     assert tuple(psb.evaluate(cow, patches(cow, 3, 0), patches(cow, 3, 1))) == METRICS
 
 
-def test_equal_segmentations_differ_by_exactly_nothing(cow):
+def test_all_metrics_are_exactly_0_for_equal_segmentations(cow):
     labels = patches(cow, 12, 0)
     renamed = 100 - 3 * labels
     assert psb.evaluate(cow, labels, renamed) == dict.fromkeys(METRICS, 0.0)
@@ -165,7 +165,7 @@ def test_rand_index_error_is_the_one_of_the_studies(cow):
     assert psb.evaluate(cow, a, b)["rand_index_error"] == rand_index_error(a, b)
 
 
-def test_labels_must_be_one_integer_a_face(cow):
+def test_labels_must_be_one_integer_per_face(cow):
     labels = patches(cow, 7, 1)
     with pytest.raises(
         ValueError, match=r"face_labels_b must have one label for each of the 5804 faces, got the shape"

@@ -103,7 +103,7 @@ def test_a_new_version_of_a_perturbation_changes_the_id_and_leaves_the_seed(plan
 
 
 @pytest.mark.parametrize(
-    "change", ["engine.workers=1", "engine=serial", "results_dir=other", "gallery.models=0", "paper=none"]
+    "change", ["engine.workers=1", "engine=serial", "results_dir=other", "gallery.models=0", "publication=null"]
 )
 def test_what_does_not_change_the_result_leaves_the_id(plan, change):
     assert [t.trial_id for t in plan(*SMALL)] == [t.trial_id for t in plan(*SMALL, change)]
@@ -128,6 +128,7 @@ def test_another_field_than_the_amount_can_be_swept(plan):
         ("repeats=1.5", "repeats is 1.5"),
         ("gallery.style=pretty", "gallery.style is 'pretty'"),
         ("swept=width", "swept is 'width': it must be one of amount, unit, height"),
+        ("publication=mine", "publication is 'mine': it must be null or one of heat_walk_2011"),
         ("on_error=stopp", "on_error is 'stopp': it must be one of continue, stop"),
     ],
 )
