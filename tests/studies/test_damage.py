@@ -100,7 +100,7 @@ def test_report_and_load_name_the_folder_that_they_cannot_read(two, capsys, spoi
     assert len(line) > 45
     assert "Traceback" not in said.out + said.err
     assert "Normal noise (files)" in (two / "README.md").read_text()
-    with pytest.raises(StudyError if spoil in CONFIGS + ORIGINS else ValueError, match="files|stored rows"):
+    with pytest.raises(StudyError if spoil in CONFIGS + ORIGINS else ValueError, match=r"files|stored rows"):
         studies.load(two / "zebra" / "files")
     assert len(studies.load(two / FOLDER).rows) == 2
 
@@ -137,7 +137,7 @@ def test_a_study_runs_beside_folders_that_cannot_be_read(two, study):
 def test_load_says_that_there_are_no_rows(two):
     for name in ("trials.jsonl", "trials.parquet"):
         (two / "zebra" / "files" / name).unlink()
-    with pytest.raises(StudyError, match="zebra/files has neither trials.parquet nor trials.jsonl"):
+    with pytest.raises(StudyError, match=r"zebra/files has neither trials\.parquet nor trials\.jsonl"):
         studies.load(two / "zebra" / "files")
 
 
