@@ -116,7 +116,7 @@ class Times(Experiment):
         if self.plate:
             check_plates({"figure15": self.plate})
             check_name("figure15.stem", self.plate.get("stem"))
-            times = self.plate.get("times")
+            times: Any = self.plate.get("times")
             if not has_type(times, Sequence[float]) or not all(0 < time < math.inf for time in times):
                 raise StudyError(f"figure15.times is {times!r}: it must be a list of times above 0")
             if not has_type(self.plate.get("models"), Sequence[int | str]):

@@ -48,7 +48,7 @@ def check_required(
             raise error(f"{group}.{key} is required: {group}.{key}={quoted}")
 
 
-def locate(group: str, name: str, error: type[ValueError]) -> Callable[..., Any]:
+def locate(group: str, name: Any, error: type[ValueError]) -> Callable[..., Any]:
     """The class or function with a dotted name. Modules are looked for in the current folder last.
 
     Parameters

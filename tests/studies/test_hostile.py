@@ -88,7 +88,7 @@ def test_a_dataset_that_exits_while_it_reads_a_model_costs_the_rows_of_that_mode
     ("value", "error"),
     [
         (None, "SystemExit: 0"),
-        (object(), "TypeError: the metric rand_index_error returned <object object"),
+        (object(), "TypeError: the metric rand_index_error returned <object objec"),
         ("much", "TypeError: the metric rand_index_error returned 'much', which is no float64"),
         (2**70, "TypeError: the metric rand_index_error returned"),
     ],
