@@ -9,6 +9,7 @@ from pathlib import Path
 
 from heatwalk.io import LoadedMesh, read_mesh
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order
+from studies.storage.text import encodable
 
 SUFFIXES = (".off", ".obj", ".ply", ".stl")
 
@@ -89,13 +90,13 @@ class Files(Dataset):
             )
         models: dict[str, FileModel] = {}
         for path in paths:
-            name = path.with_suffix("").as_posix()
+            name = encodable(path.with_suffix("").as_posix())
             if name in models:
                 raise DatasetError(
                     f"{models[name].path} and {top / path} would both be the model {name!r}; "
                     f"give a pattern that matches one of them, such as dataset.glob='{top}/**/*{path.suffix}'"
                 )
-            models[name] = FileModel(name, path.parent.name, (top / path).absolute())
+            models[name] = FileModel(name, encodable(path.parent.name), (top / path).absolute())
         return list(models.values())
 
 
