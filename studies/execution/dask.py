@@ -1,6 +1,5 @@
 """Tasks on other machines, by dask.distributed: ``pip install 'heatwalk[dask]'``."""
 
-import asyncio
 import contextlib
 import logging
 import multiprocessing
@@ -8,6 +7,7 @@ import pickle
 import sys
 import time
 import uuid
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
@@ -136,12 +136,14 @@ class Dask:
 
 @contextmanager
 def _quiet(*loggers: str) -> Iterator[None]:
-    """No messages of these loggers while the block runs."""
+    """No messages of these loggers, nor of a dashboard that moves to another port, while the block runs."""
     levels = {name: logging.getLogger(name).level for name in loggers}
     for name in loggers:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", r"Port \d+ is already in use")
+            yield
     finally:
         for name, level in levels.items():
             logging.getLogger(name).setLevel(level)
@@ -160,24 +162,30 @@ def _start_cluster(options: Mapping[str, Any]) -> Any:
 def _check_started(cluster: distributed.SpecCluster) -> None:
     """Raise if the cluster has no workers, or none of them could be started; print if some could not."""
 
-    async def start_again() -> list[BaseException | Any]:
+    async def start_again() -> list[str]:
+        """Per worker, why it could not be started; "" if it could.
+
+        Texts, because the workers themselves must not be kept: dask asserts that none is left when it closes.
+        """
         with contextlib.suppress(Exception):  # it raises for the first worker that could not be started
             await cluster
-        workers = list(cluster.workers.values())
-        # What has been started answers at once; what could not be is tried again, and tells why.
-        outcomes = await asyncio.gather(*workers, return_exceptions=True)
-        for worker, outcome in zip(workers, outcomes, strict=True):
-            if isinstance(outcome, BaseException):
+        problems = []
+        for worker in list(cluster.workers.values()):
+            try:
+                await worker  # what has been started answers at once; what could not be is tried again, and tells why
+                problems.append("")
+            except Exception as error:
                 worker.status = distributed.Status.failed  # or the cluster could not be closed
-        return outcomes
+                problems.append(reason(error))
+        return problems
 
     if not cluster.worker_spec:
         raise ValueError("engine.workers is required: the cluster starts no worker by itself; engine.workers=N")
-    outcomes = cluster.sync(start_again)
-    refused = [outcome for outcome in outcomes if isinstance(outcome, BaseException)]
+    problems = cluster.sync(start_again)
+    refused = [problem for problem in problems if problem]
     if refused:
-        message = f"{len(refused)} of {len(outcomes)} workers of the cluster could not be started: {reason(refused[0])}"
-        if len(refused) == len(outcomes):
+        message = f"{len(refused)} of {len(problems)} workers of the cluster could not be started: {refused[0]}"
+        if len(refused) == len(problems):
             raise OSError(message)
         print(message, file=sys.stderr, flush=True)
 

@@ -56,6 +56,8 @@ class External:
     suffix: str = ".off"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.command, str):
+            raise ValueError(f"segmenter.command is {self.command!r}: it must be text: 'mytool {{mesh}} {{labels}}'")
         for placeholder in ("{mesh}", "{labels}"):
             if not any(placeholder in word for word in self.words):
                 raise ValueError(

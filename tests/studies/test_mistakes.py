@@ -63,7 +63,7 @@ ACCEPTED = {
     ("+study=holes", *FILES, "engine=local"): {
         "engine.workers": {NULL, NUMBER},
         "trial.timeout": {NULL, NUMBER, FRACTION},
-        "trial.memory": {NULL, NUMBER, FRACTION},
+        "trial.memory": {NULL, NUMBER},
     },
     ("+study=holes", *FILES, "engine=dask", "engine.address=tcp://HOST:8786"): {
         "engine.address": {TEXT},

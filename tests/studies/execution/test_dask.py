@@ -163,6 +163,7 @@ def test_tasks_of_a_worker_that_is_retired_run_on_another(tmp_path):
 
 
 SLURM = {"_target_": "dask_jobqueue.SLURMCluster", "cores": 1, "memory": "1GB", "interface": "lo"}
+TYPED_SLURM = "engine.cluster={_target_:dask_jobqueue.SLURMCluster,cores:1,memory:1GB,interface:lo}"
 
 
 def queue_of(folder, monkeypatch, sbatch):
@@ -185,7 +186,7 @@ def queue_of(folder, monkeypatch, sbatch):
 )
 def test_a_queue_that_takes_no_job_ends_the_study_with_its_words(here, monkeypatch, sbatch, words):
     queue_of(here, monkeypatch, sbatch)
-    done = run(here, *STUDY, "engine=dask", "engine.workers=2", f"engine.cluster={json.dumps(SLURM)}", "repeats=1")
+    done = run(here, *STUDY, "engine=dask", "engine.workers=2", TYPED_SLURM, "repeats=1")
     assert done.returncode == 2
     assert done.stderr.startswith("studies.run: error: 2 of 2 workers of the cluster could not be started: ")
     assert words in done.stderr
@@ -194,7 +195,7 @@ def test_a_queue_that_takes_no_job_ends_the_study_with_its_words(here, monkeypat
 
 def test_jobs_that_never_start_are_awaited_for_a_limited_time_and_a_line_says_so(here, monkeypatch):
     queue_of(here, monkeypatch, "echo 'Submitted batch job 42'")
-    words = ("engine=dask", "engine.workers=2", f"engine.cluster={json.dumps(SLURM)}", "engine.wait=1", "repeats=1")
+    words = ("engine=dask", "engine.workers=2", TYPED_SLURM, "engine.wait=1", "repeats=1")
     done = run(here, *STUDY, *words)
     assert done.returncode == 2
     awaited, error = done.stderr.splitlines()
@@ -217,7 +218,7 @@ def test_a_queue_that_takes_some_of_the_jobs_does_with_those(here, monkeypatch, 
     [
         ({"_target_": "collections.Counter"}, "is not a cluster of dask"),
         ({"_target_": "no_such_module.Cluster"}, "no_such_module"),
-        ({"_target_": "distributed.LocalCluster", "no_such_option": 1}, "no_such_option"),
+        ({"_target_": "distributed.LocalCluster", "no_such_option": 1}, "failed to start"),
         ({"_target_": "distributed.LocalCluster", "n_workers": 0, "dashboard_address": None}, "engine.workers"),
     ],
 )
