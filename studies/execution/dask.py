@@ -1,6 +1,7 @@
 """Tasks on other machines, by dask.distributed: ``pip install 'heatwalk[dask]'``."""
 
 import contextlib
+import gc
 import logging
 import multiprocessing
 import pickle
@@ -127,6 +128,7 @@ class Dask:
                 raise ValueError(f"engine.address is {self.address!r}: {error}") from error
         with _quiet("asyncio", "tornado.application"):  # they log the traceback of every worker that is refused
             cluster = stack.enter_context(_start_cluster(self.cluster))
+            stack.callback(gc.collect)  # dask asserts, when it closes a cluster, that no object of a job is left
             if self.workers:
                 cluster.scale(self.workers)
             if isinstance(cluster, distributed.SpecCluster):
@@ -163,10 +165,7 @@ def _check_started(cluster: distributed.SpecCluster) -> None:
     """Raise if the cluster has no workers, or none of them could be started; print if some could not."""
 
     async def start_again() -> list[str]:
-        """Per worker, why it could not be started; "" if it could.
-
-        Texts, because the workers themselves must not be kept: dask asserts that none is left when it closes.
-        """
+        """Per worker, why it could not be started; "" if it could."""
         with contextlib.suppress(Exception):  # it raises for the first worker that could not be started
             await cluster
         problems = []
