@@ -1,4 +1,4 @@
-"""Bad input gives a valid segmentation, or one line that says what and where: from function and command."""
+"""Bad input leads to a valid segmentation or a one-line message: what is wrong, and where."""
 
 import errno
 import os
@@ -54,7 +54,7 @@ def assert_is_valid(segmentation, vertices, faces):
 
 
 def assert_command_segments(path, capsys):
-    """`segment` and `inspect` succeed, and the files hold what the function gives."""
+    """`segment` and `inspect` succeed, and the files contain the result of the function."""
     mesh = read_mesh(path)
     assert main(["inspect", str(path)]) == 0
     assert main(["segment", str(path), "--output", "out.ply"]) == 0

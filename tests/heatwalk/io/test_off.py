@@ -11,7 +11,7 @@ TETRAHEDRON_ROWS = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3
 OFF_LAYOUTS = {
     "plain": "OFF\n4 4 6\n" + TETRAHEDRON_ROWS,
     "no edge count": "OFF\n4 4\n" + TETRAHEDRON_ROWS,
-    "counts beside the keyword": "OFF 4 4 0\n" + TETRAHEDRON_ROWS,
+    "counts next to the keyword": "OFF 4 4 0\n" + TETRAHEDRON_ROWS,
     "counts glued to the keyword": "OFF4 4 0\n" + TETRAHEDRON_ROWS,
     "carriage returns": ("OFF\n4 4 0\n" + TETRAHEDRON_ROWS).replace("\n", "\r\n"),
     "old Macintosh line ends": ("OFF\n4 4 0\n" + TETRAHEDRON_ROWS).replace("\n", "\r"),

@@ -84,7 +84,7 @@ def test_a_file_cut_at_any_byte_is_an_error_or_still_the_whole_mesh(tmp_path, su
         except MeshError:
             continue
         n_read += 1
-        if suffix == ".obj":  # declares no counts: what comes before the cut is a file of its own
+        if suffix == ".obj":  # declares no counts: the part before the cut is a valid file
             triangles = whole.vertices[whole.faces][: len(mesh.faces)]
             assert np.array_equal(mesh.vertices[mesh.faces], triangles)
         else:
