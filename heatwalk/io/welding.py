@@ -18,6 +18,9 @@ _MIN_EDGES = 10
 # Neighbours in the sorted order that are compared with each vertex at most: it bounds the time for dense meshes.
 _MAX_COMPARED = 256
 
+# Faces whose edges are measured for that.
+_SAMPLE = 1000
+
 # Pairs of near vertices, per vertex, above which a tolerance is refused: it would merge whole regions.
 _MAX_PAIRS = 200
 
@@ -56,6 +59,7 @@ def count_coincident(vertices: NDArray[np.float64], faces: NDArray[np.int64]) ->
     (2, 2)
     """
     points, radius = _scaled(vertices)
+    has_long_edges = radius > 0 and _has_long_edges(points, faces, radius)
     # In the order of their distance along a direction that no mesh has, coincident vertices are next to each other.
     distance = points[:, 0] * 0.5377 + points[:, 1] * 0.6341 + points[:, 2] * 0.5557
     order = np.argsort(distance, kind="stable")
@@ -67,7 +71,7 @@ def count_coincident(vertices: NDArray[np.float64], faces: NDArray[np.int64]) ->
         _, rank, n_same = np.unique(points[tied], axis=0, return_inverse=True, return_counts=True)
         is_exact[tied] = n_same[rank.reshape(-1)] > 1
     is_near = np.zeros(len(points), dtype=bool)
-    if radius > 0 and _has_long_edges(points, faces, order, radius):
+    if has_long_edges:
         first, second = _near_pairs(distance, points, radius)
         apart = ~_are_edges(order[first], order[second], faces, len(points))
         is_near[first[apart]] = is_near[second[apart]] = True
@@ -146,8 +150,9 @@ def _scaled(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
 
     Scaling by a power of two keeps equal coordinates equal and different ones different.
     """
-    finite = np.abs(vertices[np.isfinite(vertices)])
-    largest = float(finite.max(initial=0.0))
+    largest = float(np.abs(vertices).max(initial=0.0))
+    if not np.isfinite(largest):
+        largest = float(np.abs(vertices[np.isfinite(vertices)]).max(initial=0.0))
     if largest == 0:
         return vertices + 0.0, 0.0
     scaled = np.ldexp(vertices, -np.frexp(largest)[1]) + 0.0
@@ -156,14 +161,12 @@ def _scaled(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     return scaled, NEAR * diagonal if np.isfinite(diagonal) else 0.0
 
 
-def _has_long_edges(
-    points: NDArray[np.float64], faces: NDArray[np.int64], order: NDArray[np.int64], radius: float
-) -> bool:
-    """Whether half of the edges are at least `_MIN_EDGES` times as long as the radius."""
-    back = np.empty_like(order)
-    back[order] = np.arange(len(order))
-    ends = points[back[faces[:, :2]]]
-    return float(np.median(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1))) >= _MIN_EDGES * radius
+def _has_long_edges(points: NDArray[np.float64], faces: NDArray[np.int64], radius: float) -> bool:
+    """Whether half of the edges, of a sample of the faces, are at least `_MIN_EDGES` times as long as the radius."""
+    corners = points[faces[:: max(1, len(faces) // _SAMPLE)]]
+    with np.errstate(invalid="ignore"):
+        lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    return bool(np.median(lengths) >= _MIN_EDGES * radius)
 
 
 def _near_pairs(
