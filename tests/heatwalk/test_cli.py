@@ -181,7 +181,7 @@ def test_a_bad_mesh_ends_the_process_with_one_line_and_exit_code_2(tmp_path):
     process = run("segment", path)
     assert process.returncode == 2
     assert process.stdout == ""
-    assert process.stderr == f"heatwalk: error: {path}: declares 4 faces but contains 0: the file is truncated\n"
+    assert process.stderr == f"heatwalk: error: {path}: declares 4 vertices but contains 1: the file is truncated\n"
 
 
 def test_log_messages_of_trimesh_do_not_reach_the_user(tmp_path):

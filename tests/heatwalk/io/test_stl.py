@@ -18,5 +18,5 @@ def test_several_solids_of_an_stl_file_are_one_mesh(tmp_path):
     vertices, faces = TETRAHEDRON
     halves = stl_text_bytes(vertices, faces[:2]) + stl_text_bytes(vertices, faces[2:])
     assert is_mesh(read_bytes(tmp_path, halves, ".stl"), vertices[[0, 3, 2, 1]], np.array([0, 3, 2, 1])[faces])
-    with pytest.raises(MeshError, match="declares 4 faces but contains 2: the file is truncated"):
+    with pytest.raises(MeshError, match="declares 4 faces but contains 3: the file is truncated"):
         read_bytes(tmp_path, halves[:-20], ".stl")
