@@ -341,7 +341,7 @@ def _take(values: NDArray[np.float64], at: int, element: _Element) -> tuple[_Col
         if end > len(values):
             return ({}, None), None
         table = values[at:end].reshape(element.count, width)
-        return ({prop.name: table[:, i] for i, prop in enumerate(element.properties)}, None), end
+        return ({prop.name: _declared(table[:, i], prop) for i, prop in enumerate(element.properties)}, None), end
     is_needed = [_is_needed(element, prop) for prop in element.properties]
     if width == 1:  # nothing but corners, usually the same number in each row
         size = values[at] if at < len(values) else 0.0
@@ -387,12 +387,18 @@ def _take_unequal(
     for i, begins in starts.items():
         first = np.array(begins, dtype=np.int64) + at
         if not element.properties[i].count_kind:
-            columns[element.properties[i].name] = values[first]
+            columns[element.properties[i].name] = _declared(values[first], element.properties[i])
             continue
         lengths = np.array(sizes, dtype=np.int64)
         step = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
         polygons = Polygons(lengths, _corners(values[np.repeat(first, lengths) + step]))
     return (columns, polygons), at + here
+
+
+def _declared(values: NDArray[np.float64], prop: _Property) -> NDArray:
+    """The values in the precision that the header declares."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32) if prop.kind == "f4" else values
 
 
 def _corners(values: NDArray[np.float64]) -> NDArray[np.int64]:
