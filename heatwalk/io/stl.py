@@ -97,7 +97,8 @@ def _reject_gap(text: bytes, position: int, n_before: int) -> None:
     if n_complete == n_before:  # nothing valid follows
         check_complete(n_declared, n_complete)
         raise MeshError("the last solid has no 'endsolid': the file is truncated")
-    at = position + len(text[position:]) - len(text[position:].lstrip())
+    begins = _FACET_BEGINS.search(text, position)
+    at = begins.start() if begins else position
     raise MeshError(
         f"line {line_number(text, at)}: not a facet of one loop of three vertices (face {n_before}, counted from 0)"
     )

@@ -56,7 +56,7 @@ def test_stl_files_are_read_however_they_are_laid_out(tmp_path, data):
             STL_TEXT.replace(b"  vertex 1.0 0.0 0.0\n", b"", 1),
             r"line 2: not a facet of one loop of three vertices \(face 0, .*",
         ),
-        (STL_TEXT.replace(b"vertex 0.0 0.0 1.0", b"vertex 0.0 0.0 z"), "line 12: 'z' is not a number"),
+        (STL_TEXT.replace(b"vertex 0.0 0.0 1.0", b"vertex 0.0 0.0 z"), "line 13: 'z' is not a number"),
         (STL_TEXT.partition(b"endsolid")[0], "the last solid has no 'endsolid': the file is truncated"),
         (STL_BINARY + STL_BINARY[-100:], "contains 2 more triangles than its header declares: .*"),
         (STL_BINARY[:-1], "not an STL file, or it is truncated: .* declares 4 triangles but contains 3"),
