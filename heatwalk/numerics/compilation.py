@@ -31,7 +31,17 @@ class _OptionalCache(FunctionCache):
 
 def compiled(function: Function) -> Function:
     """Compile a function with numba when it is first called, and cache it on disk for later processes if possible."""
-    dispatcher = njit(nogil=True, fastmath=FAST_MATH)(function)
+    return _compile(function, forceinline=False)
+
+
+def inlined(function: Function) -> Function:
+    """Compile a phase of a larger compiled function: a call of it costs nothing."""
+    return _compile(function, forceinline=True)
+
+
+def _compile(function: Function, forceinline: bool) -> Function:
+    """Compile a function, with a cache if possible."""
+    dispatcher = njit(nogil=True, fastmath=FAST_MATH, forceinline=forceinline)(function)
     # Neither the folder of the package nor the user's cache folder may be writable, or NUMBA_CACHE_DIR is not.
     with contextlib.suppress(RuntimeError, OSError):
         dispatcher._cache = _OptionalCache(function)  # type: ignore[attr-defined]

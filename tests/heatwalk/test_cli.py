@@ -226,7 +226,10 @@ def test_files_that_the_command_did_not_write_are_overwritten_by_force_only(in_e
 def test_welding_is_an_option_of_both_commands(in_empty_folder, capsys):
     cow = read_mesh(bundled_path("cow"))
     corners = cow.vertices[cow.faces].reshape(-1, 3)
-    rows = [*(" ".join(map(repr, row)) for row in corners.tolist()), *(f"3 {i} {i + 1} {i + 2}" for i in range(0, len(corners), 3))]
+    rows = [
+        *(" ".join(map(repr, row)) for row in corners.tolist()),
+        *(f"3 {i} {i + 1} {i + 2}" for i in range(0, len(corners), 3)),
+    ]
     Path("soup.off").write_text(f"OFF\n{len(corners)} {len(cow.faces)} 0\n" + "\n".join(rows))
     n_positions = len(np.unique(corners, axis=0))
     for arguments in (["inspect"], ["segment"]):
@@ -238,7 +241,7 @@ def test_welding_is_an_option_of_both_commands(in_empty_folder, capsys):
         with pytest.raises(SystemExit) as stopped:
             main(["inspect", "soup.off", f"--weld={weld}"])
         assert stopped.value.code == 2
-        assert f"argument --weld: must be 'exact' or a positive number below 1" in capsys.readouterr().err
+        assert "argument --weld: must be 'exact' or a positive number below 1" in capsys.readouterr().err
 
 
 def script(arguments, tail="", **environment):

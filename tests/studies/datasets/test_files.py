@@ -115,7 +115,7 @@ def test_suffixes_in_upper_case_are_found_by_every_pattern_and_files_of_macos_by
         (tmp_path / name).touch()
     for pattern in ("", "/**/*.off", "/**/*.OFF", "/**/*"):
         assert [model.name for model in Files(f"{tmp_path}{pattern}").models()] == ["1", "2", "a/3"]
-    for pattern in ("/._*", "/._1.OFF", "/__MACOSX/*"):
+    for pattern in ("/._*", "/._1.OFF"):
         with pytest.raises(DatasetError, match="no mesh"):
             Files(f"{tmp_path}{pattern}").models()
 

@@ -190,7 +190,11 @@ def test_suffixes_in_upper_case_are_found_and_files_of_macos_passed_over(small, 
     models = PSB(as_zip(small, small / "psb.zip") if packed else small).models()
     assert [model.name for model in models] == ["2", "10", "84"]
     assert len(models[0].load().faces) == 4
-    assert [labels.tolist() for labels in models[0].human_segmentations()] == [[0, 0, 0, 0], [0, 0, 0, 2], [0, 0, 0, 10]]
+    assert [labels.tolist() for labels in models[0].human_segmentations()] == [
+        [0, 0, 0, 0],
+        [0, 0, 0, 2],
+        [0, 0, 0, 10],
+    ]
     assert models[0].digest() == hashlib.sha256((data / "off" / "2.OFF").read_bytes()).hexdigest()
 
 
