@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb.meshes import edge_graph, random_direction, without_faces
+from perturb.meshes import edge_graph, random_direction, size_exponent, without_faces
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class MissingParts(Perturbation):
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
         n_vertices = len(mesh.vertices)
         part = np.zeros(n_vertices, dtype=bool)
-        part[self._removal_order(mesh, parameters)[: round(self.amount * n_vertices)]] = True
+        part[self._removal_order(mesh, parameters)[: self.count_share(n_vertices, "vertices")]] = True
         dropped = np.asarray(part[mesh.faces].any(axis=1))
         rest, counterpart = without_faces(mesh, dropped)
         return self.finish(
@@ -92,5 +92,5 @@ class MissingParts(Perturbation):
             return np.argsort(-vertices @ parameters["direction"], kind="stable")
         centre = parameters["centre"]
         along_edges = dijkstra(edge_graph(mesh).tocsr(), indices=centre)
-        in_space = np.linalg.norm(vertices - vertices[centre], axis=1)
+        in_space = np.linalg.norm(np.ldexp(vertices - vertices[centre], -size_exponent(mesh)), axis=1)
         return np.lexsort((in_space, along_edges))

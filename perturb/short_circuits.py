@@ -39,8 +39,8 @@ class ShortCircuits(Perturbation):
     end the triangle nearest to the other end is removed, and the outlines of the two triangles are joined by six
     triangles, oriented like their neighbours: a surface that was edge-manifold, watertight and consistently oriented
     remains so, and every tube lowers the Euler characteristic by 2. A strip leaves open what the other two sides would
-    close: the surface remains edge-manifold but gains a boundary, and the Euler characteristic falls by 3. No two
-    tubes share a vertex. Tubes may pass through the interior of the shape, as some do in the paper's Figure 11, and
+    close: the surface remains edge-manifold but gains a boundary, and the Euler characteristic falls by 3. No vertex
+    loses its last face, and no two tubes share a vertex. Tubes may pass through the interior of the shape, as some do in the paper's Figure 11, and
     are not checked for intersections.
 
     If fewer than `amount` tubes can be placed from SOURCES_PER_STEP random vertices, `near` is widened in
@@ -96,7 +96,7 @@ class ShortCircuits(Perturbation):
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
         """Draw `vertices` (k, 2), the ends, and `triangles` (k, 2), the faces there; `near` is the limit used."""
         count = int(self.amount)
-        placement = _Placement(mesh)
+        placement = _Placement(mesh, self.bridge)
         near_used = self.near
         candidates = self._candidates(mesh, rng) if count > 0 else ()
         for near, start, end in candidates:
@@ -120,12 +120,17 @@ class ShortCircuits(Perturbation):
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
         start, end = vertices[parameters["vertices"]].transpose(1, 0, 2)
         length = np.linalg.norm(start - end, axis=1)
-        bridge_faces = _tube_faces if self.bridge == "tube" else _strip_faces
+        bridge_faces = _BRIDGE_FACES[self.bridge]
         bridges = [bridge_faces(vertices, faces[a], faces[b]) for a, b in parameters["triangles"]]
         kept = np.delete(faces, parameters["triangles"].ravel(), axis=0)
+        bridged = np.concatenate([kept, *bridges])
+        if len(np.unique(bridged)) < len(np.unique(faces)):
+            raise PerturbationError(
+                "short_circuits: a strip would leave a vertex without a face; draw the parameters with the same bridge"
+            )
         return self.finish(
             mesh,
-            as_trimesh(vertices, np.concatenate([kept, *bridges])),
+            as_trimesh(vertices, bridged),
             np.arange(len(vertices)),
             tubes=len(bridges),
             tubes_between_components=_count_between_components(mesh, parameters["vertices"]),
@@ -155,7 +160,8 @@ class ShortCircuits(Perturbation):
 class _Placement:
     """The tubes placed so far on a mesh: their ends (vertices), and the triangles there."""
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
+    def __init__(self, mesh: trimesh.Trimesh, bridge: str = "tube") -> None:
+        self._bridge_faces = _BRIDGE_FACES[bridge]
         self.ends: list[tuple[int, int]] = []
         self.triangles: list[tuple[int, int]] = []
         self._faces = np.asarray(mesh.faces)
@@ -164,13 +170,19 @@ class _Placement:
         self._occupied = np.zeros(len(mesh.vertices), dtype=bool)
 
     def try_add(self, start: int, end: int) -> bool:
-        """Place a tube between two vertices; return False if it would touch another tube or an existing edge."""
+        """Place a tube between two vertices; return False if it would touch another tube or an existing edge.
+
+        Also if a vertex would lose its last face: one that only a removed triangle has, and a strip does not use.
+        """
         a, b = self._triangle_towards(start, end), self._triangle_towards(end, start)
         corners = np.r_[self._faces[a], self._faces[b]]
         if self._occupied[corners].any() or len(np.unique(corners)) < 6:
             return False
         around = np.concatenate([self._incident_faces(corner) for corner in self._faces[a]])
         if np.isin(self._faces[b], self._faces[around]).any():
+            return False
+        off_bridge = np.setdiff1d(corners, self._bridge_faces(self._vertices, self._faces[a], self._faces[b]))
+        if any(len(self._incident_faces(corner)) < 2 for corner in off_bridge):
             return False
         self._occupied[corners] = True
         self.ends.append((start, end))
@@ -206,6 +218,9 @@ def _strip_faces(vertices: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarr
     squared = np.sum((vertices[tube[:3, 0]] - vertices[tube[3:, 2]]) ** 2, axis=1)
     side = np.argmin(squared + np.roll(squared, -1))
     return tube[[side, side + 3]]
+
+
+_BRIDGE_FACES = {"tube": _tube_faces, "strip": _strip_faces}
 
 
 def _count_between_components(mesh: trimesh.Trimesh, ends: np.ndarray) -> int:
