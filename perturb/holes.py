@@ -63,7 +63,7 @@ class Holes(Perturbation):
         if self.unit == "one_rings":
             return {"vertices": self._draw(np.unique(mesh.faces), int(self.amount), rng, "vertices with faces")}
         n_faces = len(mesh.faces)
-        count = self.count_share(n_faces, "triangles") if self.unit == "share_of_triangles" else int(self.amount)
+        count = round(self.amount * n_faces) if self.unit == "share_of_triangles" else int(self.amount)
         return {"triangles": self._draw(np.arange(n_faces), count, rng, "triangles")}
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:

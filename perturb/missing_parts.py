@@ -72,7 +72,7 @@ class MissingParts(Perturbation):
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
         n_vertices = len(mesh.vertices)
         part = np.zeros(n_vertices, dtype=bool)
-        part[self._removal_order(mesh, parameters)[: self.count_share(n_vertices, "vertices")]] = True
+        part[self._removal_order(mesh, parameters)[: round(self.amount * n_vertices)]] = True
         dropped = np.asarray(part[mesh.faces].any(axis=1))
         rest, counterpart = without_faces(mesh, dropped)
         return self.finish(

@@ -257,40 +257,6 @@ class Perturbation(ABC):
         if whole and value != int(value):
             raise PerturbationError(f"{self.name}: {field} is {value!r}; it must be a whole number")
 
-    def count_share(self, n: int, what: str) -> int:
-        """Return how many of n items the amount, a share, is. To be called in `sample` or `apply`.
-
-        Parameters
-        ----------
-        n : int
-            The number of items.
-        what : str
-            What they are, in the plural, for the message.
-
-        Returns
-        -------
-        int
-            ``round(amount * n)``.
-
-        Raises
-        ------
-        PerturbationError
-            If the amount is above 0 but rounds to no item, so that nothing would be perturbed.
-
-        Examples
-        --------
-        >>> import perturb
-        >>> perturb.ShotNoise(amount=0.06).count_share(5, "vertices")
-        Traceback (most recent call last):
-        perturb.perturbation.PerturbationError: shot_noise: a share of 0.06 of 5 vertices rounds to none; raise the amount
-        """
-        count = round(self.amount * n)
-        if count == 0 and self.amount > 0:
-            raise PerturbationError(
-                f"{self.name}: a share of {self.amount:g} of {n} {what} rounds to none; raise the amount"
-            )
-        return count
-
     def finish(
         self, original: trimesh.Trimesh, mesh: trimesh.Trimesh, counterpart: np.ndarray, **facts: Scalar | np.generic
     ) -> Perturbed:

@@ -22,8 +22,7 @@ class ShotNoise(Perturbation):
     Parameters
     ----------
     amount : float
-        The share of vertices that become spikes, 0 to 1; ``round(amount * n)`` of them do, at least one unless the
-        amount is 0.
+        The share of vertices that become spikes, 0 to 1; ``round(amount * n)`` of them do.
     unit : str
         "share_of_vertices".
     height : float
@@ -67,7 +66,7 @@ class ShotNoise(Perturbation):
 
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
         """Draw `vertices` (k,), the spikes, and `signs` (k,), 1.0 for outwards and -1.0 for inwards."""
-        count = self.count_share(len(mesh.vertices), "vertices")
+        count = round(self.amount * len(mesh.vertices))
         movable = np.flatnonzero(vertex_normals(mesh).any(axis=1))
         if count > len(movable):
             raise PerturbationError(

@@ -7,6 +7,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from perturb._welding import (
+    count_coincident,
+    lattice_offsets,
+    mesh_with_parts,
+    result_with_parts,
+    separate_coincident,
+)
 from perturb.meshes import as_trimesh, random_direction
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
 
@@ -122,27 +129,34 @@ class Tessellation(Perturbation):
 
     def _remesh(self, mesh: trimesh.Trimesh, parameters: Parameters) -> tuple[trimesh.Trimesh, np.ndarray]:
         """Return the remeshed surface and (n,) the counterpart of each vertex."""
+        from heatwalk.laplacian import vertex_components
+
         faces = np.asarray(mesh.faces)
         # In a box of size 1, so that the result does not depend on the mesh's own unit.
         corner, size = mesh.bounds[0], mesh.extents.max()
         vertices = (np.asarray(mesh.vertices) - corner) / size
-        new_vertices, new_faces = self._search_density(vertices, faces, parameters)
+        part = np.zeros(len(vertices), dtype=np.int64)
+        if count_coincident(vertices, faces):
+            part = vertex_components(len(vertices), faces)
+        new_vertices, new_faces, new_part = self._search_density(vertices, faces, part, parameters)
         used = np.unique(faces)
         counterpart = np.full(len(vertices), -1)
-        counterpart[used] = _nearest_corners(new_vertices, new_faces, vertices[used])
+        counterpart[used] = _nearest_corners(
+            new_vertices + lattice_offsets(new_part), new_faces, vertices[used] + lattice_offsets(part[used])
+        )
         return as_trimesh(new_vertices * size + corner, new_faces), counterpart
 
     def _search_density(
-        self, vertices: np.ndarray, faces: np.ndarray, parameters: Parameters
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return vertices on the surface and faces, as many as requested within TOLERANCE."""
+        self, vertices: np.ndarray, faces: np.ndarray, part: np.ndarray, parameters: Parameters
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return vertices on the surface; faces, as many as requested within TOLERANCE; and the part of each vertex."""
         from trimesh.triangles import area
 
         warped = self._warp(vertices, np.unique(faces), parameters)
         n_target = self.amount * len(faces)
         length = np.sqrt(area(warped[faces]).sum() / n_target * 4 / np.sqrt(3))  # of equilateral triangles
         for _ in range(self.MAX_TRIES):
-            new_vertices, new_faces = self._remesh_isotropically(warped, faces, length)
+            new_vertices, new_faces, new_part = self._remesh_isotropically(warped, faces, part, length)
             ratio = len(new_faces) / n_target
             if abs(ratio - 1) <= self.TOLERANCE:
                 break
@@ -153,7 +167,7 @@ class Tessellation(Perturbation):
                 f"reached, preserving edges sharper than {self.SHARP_ANGLE:g} degrees; choose a larger amount"
             )
         triangle, weights = _closest_points(warped, faces, new_vertices)
-        return np.einsum("ij,ijk->ik", weights, vertices[faces[triangle]]), new_faces
+        return np.einsum("ij,ijk->ik", weights, vertices[faces[triangle]]), new_faces, new_part
 
     def _warp(self, vertices: np.ndarray, used: np.ndarray, parameters: Parameters) -> np.ndarray:
         """(n, 3) the vertices in the space in which triangles are to be equilateral and of uniform size."""
@@ -186,13 +200,13 @@ class Tessellation(Perturbation):
         return centre + offset * nearest**2 / np.sum(offset**2, axis=1, keepdims=True)
 
     def _remesh_isotropically(
-        self, vertices: np.ndarray, faces: np.ndarray, length: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return vertices and faces of a mesh with edges of about that length."""
+        self, vertices: np.ndarray, faces: np.ndarray, part: np.ndarray, length: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return vertices and faces of a mesh with edges of about that length, and the part of each vertex."""
         import pymeshlab
 
         meshes = pymeshlab.MeshSet()
-        meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
+        meshes.add_mesh(mesh_with_parts(separate_coincident(vertices, faces), faces, part))
         meshes.meshing_remove_unreferenced_vertices()
         # Every option is given, because pymeshlab remembers those of an earlier call.
         meshes.meshing_isotropic_explicit_remeshing(
@@ -209,8 +223,7 @@ class Tessellation(Perturbation):
             smoothflag=True,
             reprojectflag=True,
         )
-        remeshed = meshes.current_mesh()
-        return remeshed.vertex_matrix(), remeshed.face_matrix().astype(np.int64)
+        return result_with_parts(meshes.current_mesh())
 
 
 def _closest_points(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
