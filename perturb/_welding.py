@@ -9,6 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     import pymeshlab
 
+SPARSE = 0.1  # components smaller than this share of the mesh are moved together
 LATTICE_SPACING = 4.0  # box sizes; more than the diagonal of a box, plus its size
 
 
@@ -60,10 +61,54 @@ def result_with_parts(mesh: pymeshlab.Mesh) -> tuple[np.ndarray, np.ndarray, np.
     return mesh.vertex_matrix(), faces, part
 
 
-def lattice_offsets(part: np.ndarray) -> np.ndarray:
+def find_parts(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(n,) the component of each vertex, if components have to be kept apart or moved together; else 0 throughout.
+
+    That is so if vertices coincide, or if the components are much smaller than the distances between them.
+    """
+    from heatwalk.laplacian import vertex_components
+
+    part = vertex_components(len(vertices), faces)
+    sparse = _largest_size(vertices, faces, part) < SPARSE * np.ptp(vertices[faces], axis=(0, 1)).max()
+    return part if sparse or count_coincident(vertices, faces) > 0 else np.zeros_like(part)
+
+
+def _lowest_corners(vertices: np.ndarray, faces: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """(k, 3) the lowest coordinates in each of k parts; infinite for one without faces."""
+    used = np.unique(faces)
+    low = np.full((part.max() + 1, 3), np.inf)
+    np.minimum.at(low, part[used], vertices[used])
+    return low
+
+
+def _largest_size(vertices: np.ndarray, faces: np.ndarray, part: np.ndarray) -> float:
+    used = np.unique(faces)
+    return float((vertices[used] - _lowest_corners(vertices, faces, part)[part[used]]).max())
+
+
+class Packing:
+    """Moves each part of a mesh into a box of its own, all of them close together; leaves a mesh of one part as it is.
+
+    Filters that search in space then take no time for the gaps between the parts, and find nothing of another part.
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, part: np.ndarray) -> None:
+        self._is_identity = part.max() == 0
+        self._low = _lowest_corners(vertices, faces, part)
+        self._size = _largest_size(vertices, faces, part)
+
+    def pack(self, vertices: np.ndarray, part: np.ndarray) -> np.ndarray:
+        """(k, 3) where vertices (k, 3) of parts (k,) go."""
+        if self._is_identity:
+            return vertices
+        low = np.where(np.isfinite(self._low), self._low, 0.0)[part]
+        return (vertices - low) / self._size + lattice_offsets(part, len(self._low))
+
+
+def lattice_offsets(part: np.ndarray, n_parts: int) -> np.ndarray:
     """(k, 3) offsets that move items of different parts (k,), numbered from 0, into different boxes of a lattice.
 
     For items in a box of size 1: what is nearest to an item after that is of the same part.
     """
-    per_axis = int(np.cbrt(part.max(initial=0))) + 1
+    per_axis = int(np.cbrt(n_parts - 1)) + 1
     return LATTICE_SPACING * np.stack(np.unravel_index(part, [per_axis] * 3), axis=1)

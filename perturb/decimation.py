@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb._normals import has_repeated_corner
+from perturb._normals import distinct_faces, has_repeated_corner
 from perturb._welding import (
     LATTICE_SPACING,
     count_coincident,
@@ -44,8 +44,9 @@ class Decimation(Perturbation):
     -----
     Triangles that the collapses folded onto each other (with the same three vertices) are removed, in pairs of
     opposite orientation or down to one; the tip of a fold counts as merged into its base. A component that folds
-    completely disappears, as does a double sheet that was already in the mesh; `Perturbed.applied` counts these
-    triangles. If fast_simplification pinches a thin part, an edge with four triangles may remain; pymeshlab preserves
+    completely disappears; `Perturbed.applied` counts these triangles. Before that, triangles with a repeated corner are
+    removed, and of several with the same three vertices, in either winding, all but the first: `amount` is a share of
+    the others, and `Perturbed.applied` counts the removed ones. If fast_simplification pinches a thin part, an edge with four triangles may remain; pymeshlab preserves
     the topology.
 
     References
@@ -79,27 +80,35 @@ class Decimation(Perturbation):
         self.check_number("amount", maximum=1, positive=True)
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
-        degenerate = has_repeated_corner(np.asarray(mesh.faces))
-        n_target = round(self.amount * np.count_nonzero(~degenerate))
+        distinct = distinct_faces(np.asarray(mesh.faces))
+        n_target = round(self.amount * len(distinct))
         if n_target == len(mesh.faces):
             return self._finish(mesh, _Decimated(as_trimesh(mesh.vertices, mesh.faces), np.arange(len(mesh.vertices))))
         # In a box of size 1, because the error threshold of fast-simplification is absolute.
         corner, size = mesh.bounds[0], mesh.extents.max()
-        vertices, faces = (np.asarray(mesh.vertices) - corner) / size, np.asarray(mesh.faces)[~degenerate]
+        vertices, faces = (np.asarray(mesh.vertices) - corner) / size, np.asarray(mesh.faces)[distinct]
         backend = _by_fast_simplification if self.backend == "fast_simplification" else _by_pymeshlab
         decimated = backend(vertices, faces, n_target)
+        if len(decimated.mesh.faces) + decimated.n_folded == len(faces):
+            raise PerturbationError(
+                f"decimation: {n_target} of {len(faces)} faces were requested, but {self.backend} cannot collapse any "
+                "edge, for example because each is a boundary or has more than two faces; choose the other backend"
+            )
         in_place = as_trimesh(np.asarray(decimated.mesh.vertices) * size + corner, decimated.mesh.faces)
-        return self._finish(mesh, replace(decimated, mesh=in_place), int(np.count_nonzero(degenerate)))
+        return self._finish(mesh, replace(decimated, mesh=in_place), distinct)
 
-    def _finish(self, mesh: trimesh.Trimesh, decimated: _Decimated, n_degenerate: int = 0) -> Perturbed:
+    def _finish(self, mesh: trimesh.Trimesh, decimated: _Decimated, distinct: np.ndarray | None = None) -> Perturbed:
         by_collapses = self.backend == "fast_simplification"
+        n_dropped = 0 if distinct is None else len(mesh.faces) - len(distinct)
+        n_degenerate = int(np.count_nonzero(has_repeated_corner(np.asarray(mesh.faces)))) if n_dropped else 0
         return self.finish(
             mesh,
             decimated.mesh,
             decimated.counterpart,
-            share_of_faces_kept=len(decimated.mesh.faces) / len(mesh.faces),
+            share_of_faces_kept=len(decimated.mesh.faces) / (len(mesh.faces) - n_dropped),
             folded_triangles_removed=decimated.n_folded,
             degenerate_triangles_removed=n_degenerate,
+            repeated_triangles_removed=n_dropped - n_degenerate,
             welded_vertices=decimated.n_welded,
             counterpart_by="collapses" if by_collapses else "nearest_vertex",
         )
@@ -177,10 +186,10 @@ def _by_pymeshlab(vertices: np.ndarray, faces: np.ndarray, n_target: int) -> _De
         new_vertices, new_faces, new_part = _collapse_by_pymeshlab(*weld(vertices, faces), n_target, part)
     folded = _find_folded(new_faces)
     rest, counterpart_of_new = without_faces(as_trimesh(new_vertices, new_faces), folded)
-    apart = np.asarray(rest.vertices) + lattice_offsets(new_part[counterpart_of_new >= 0])
+    apart = np.asarray(rest.vertices) + lattice_offsets(new_part[counterpart_of_new >= 0], part.max() + 1)
     counterpart = np.full(len(vertices), -1)
     used = np.unique(faces)
-    distance, nearest = cKDTree(apart).query(vertices[used] + lattice_offsets(part[used]))
+    distance, nearest = cKDTree(apart).query(vertices[used] + lattice_offsets(part[used], part.max() + 1))
     counterpart[used] = np.where(distance < LATTICE_SPACING / 2, nearest, -1)
     return _Decimated(rest, counterpart, int(np.count_nonzero(folded)), n_welded)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb.meshes import LENGTHS, as_trimesh, edge_graph
+from perturb.meshes import LENGTHS, as_trimesh, edge_graph, size_exponent
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
 
 if TYPE_CHECKING:
@@ -117,7 +117,8 @@ class ShortCircuits(Perturbation):
         }
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
-        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        exponent = size_exponent(mesh)
+        vertices, faces = np.ldexp(np.asarray(mesh.vertices), -exponent), np.asarray(mesh.faces)
         start, end = vertices[parameters["vertices"]].transpose(1, 0, 2)
         length = np.linalg.norm(start - end, axis=1)
         bridge_faces = _BRIDGE_FACES[self.bridge]
@@ -130,12 +131,12 @@ class ShortCircuits(Perturbation):
             )
         return self.finish(
             mesh,
-            as_trimesh(vertices, bridged),
+            as_trimesh(mesh.vertices, bridged),
             np.arange(len(vertices)),
             tubes=len(bridges),
             tubes_between_components=_count_between_components(mesh, parameters["vertices"]),
             near_used=float(parameters["near"]),
-            longest_tube=float(length.max(initial=0.0)),
+            longest_tube=float(np.ldexp(length.max(initial=0.0), exponent)),
             triangles_removed=2 * len(bridges),
             triangles_added=sum(map(len, bridges)),
         )
@@ -144,8 +145,10 @@ class ShortCircuits(Perturbation):
         """Yield (near, start, end): random vertices and ends far along the edges, with `near` widening."""
         from perturb._proximity import search_near_but_far  # imported here, because it loads numba
 
-        vertices, graph = np.asarray(mesh.vertices), edge_graph(mesh).tocsr()
-        diagonal = LENGTHS["bounding_box_diagonal"](mesh)
+        exponent = size_exponent(mesh)
+        vertices, graph = np.ldexp(np.asarray(mesh.vertices), -exponent), edge_graph(mesh).tocsr()
+        graph.data = np.ldexp(graph.data, -exponent)
+        diagonal = np.ldexp(LENGTHS["bounding_box_diagonal"](mesh), -exponent)
         sources = rng.permutation(np.unique(mesh.faces))
         limits = np.geomspace(self.near, self.far / self.MIN_DETOUR, self.WIDENING_STEPS + 1).tolist()
         for near in limits:
@@ -165,7 +168,7 @@ class _Placement:
         self.ends: list[tuple[int, int]] = []
         self.triangles: list[tuple[int, int]] = []
         self._faces = np.asarray(mesh.faces)
-        self._vertices = np.asarray(mesh.vertices)
+        self._vertices = np.ldexp(np.asarray(mesh.vertices), -size_exponent(mesh))
         self._faces_at = mesh.faces_sparse.tocsr()
         self._occupied = np.zeros(len(mesh.vertices), dtype=bool)
 

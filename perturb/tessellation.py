@@ -7,18 +7,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb._welding import (
-    count_coincident,
-    lattice_offsets,
-    mesh_with_parts,
-    result_with_parts,
-    separate_coincident,
-)
+from perturb._welding import Packing, count_coincident, find_parts, separate_coincident
 from perturb.meshes import as_trimesh, random_direction
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
 
 if TYPE_CHECKING:
     import trimesh
+
+
+MAX_SIZE_OVER_EDGE = 1e6  # ordinary meshes have less than 1e3
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,8 @@ class Tessellation(Perturbation):
     `Perturbed.applied` contains the ratio that was reached. Edges sharper than SHARP_ANGLE degrees are preserved, so a
     coarse tessellation of a shape with many of them may be impossible: a PerturbationError reports what was reached.
 
-    The counterpart of a vertex is the nearest corner of the triangle closest to it. A vertex without faces is removed,
+    Vertices that coincide remain apart, and components are not joined. The counterpart of a vertex is the nearest corner
+    of the triangle closest to it; on a mesh with coinciding vertices, of its own component. A vertex without faces is removed,
     except by subdivision.
 
     References
@@ -129,20 +127,17 @@ class Tessellation(Perturbation):
 
     def _remesh(self, mesh: trimesh.Trimesh, parameters: Parameters) -> tuple[trimesh.Trimesh, np.ndarray]:
         """Return the remeshed surface and (n,) the counterpart of each vertex."""
-        from heatwalk.laplacian import vertex_components
-
         faces = np.asarray(mesh.faces)
         # In a box of size 1, so that the result does not depend on the mesh's own unit.
         corner, size = mesh.bounds[0], mesh.extents.max()
         vertices = (np.asarray(mesh.vertices) - corner) / size
-        part = np.zeros(len(vertices), dtype=np.int64)
-        if count_coincident(vertices, faces):
-            part = vertex_components(len(vertices), faces)
+        part = find_parts(vertices, faces)
         new_vertices, new_faces, new_part = self._search_density(vertices, faces, part, parameters)
         used = np.unique(faces)
         counterpart = np.full(len(vertices), -1)
+        packing = Packing(vertices, faces, part)
         counterpart[used] = _nearest_corners(
-            new_vertices + lattice_offsets(new_part), new_faces, vertices[used] + lattice_offsets(part[used])
+            packing.pack(new_vertices, new_part), new_faces, packing.pack(vertices[used], part[used])
         )
         return as_trimesh(new_vertices * size + corner, new_faces), counterpart
 
@@ -153,21 +148,25 @@ class Tessellation(Perturbation):
         from trimesh.triangles import area
 
         warped = self._warp(vertices, np.unique(faces), parameters)
+        warped = Packing(warped, faces, part).pack(warped, part)
+        _require_even_size(warped, faces)
         n_target = self.amount * len(faces)
         length = np.sqrt(area(warped[faces]).sum() / n_target * 4 / np.sqrt(3))  # of equilateral triangles
         for _ in range(self.MAX_TRIES):
-            new_vertices, new_faces, new_part = self._remesh_isotropically(warped, faces, part, length)
+            new_vertices, new_faces = self._remesh_isotropically(warped, faces, length)
             ratio = len(new_faces) / n_target
             if abs(ratio - 1) <= self.TOLERANCE:
                 break
             length *= np.sqrt(ratio)
         else:
+            n_coincident = count_coincident(vertices, faces)
+            apart = f", and {n_coincident} coinciding vertices apart (merge them first)" if n_coincident else ""
             raise PerturbationError(
                 f"tessellation: {self.amount:g} times the faces were requested, but {ratio * self.amount:.3g} times "
-                f"reached, preserving edges sharper than {self.SHARP_ANGLE:g} degrees; choose a larger amount"
+                f"reached, preserving edges sharper than {self.SHARP_ANGLE:g} degrees{apart}; choose a larger amount"
             )
         triangle, weights = _closest_points(warped, faces, new_vertices)
-        return np.einsum("ij,ijk->ik", weights, vertices[faces[triangle]]), new_faces, new_part
+        return np.einsum("ij,ijk->ik", weights, vertices[faces[triangle]]), new_faces, part[faces[triangle, 0]]
 
     def _warp(self, vertices: np.ndarray, used: np.ndarray, parameters: Parameters) -> np.ndarray:
         """(n, 3) the vertices in the space in which triangles are to be equilateral and of uniform size."""
@@ -200,13 +199,13 @@ class Tessellation(Perturbation):
         return centre + offset * nearest**2 / np.sum(offset**2, axis=1, keepdims=True)
 
     def _remesh_isotropically(
-        self, vertices: np.ndarray, faces: np.ndarray, part: np.ndarray, length: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return vertices and faces of a mesh with edges of about that length, and the part of each vertex."""
+        self, vertices: np.ndarray, faces: np.ndarray, length: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return vertices and faces of a mesh with edges of about that length."""
         import pymeshlab
 
         meshes = pymeshlab.MeshSet()
-        meshes.add_mesh(mesh_with_parts(separate_coincident(vertices, faces), faces, part))
+        meshes.add_mesh(pymeshlab.Mesh(separate_coincident(vertices, faces), faces))
         meshes.meshing_remove_unreferenced_vertices()
         # Every option is given, because pymeshlab remembers those of an earlier call.
         meshes.meshing_isotropic_explicit_remeshing(
@@ -223,7 +222,19 @@ class Tessellation(Perturbation):
             smoothflag=True,
             reprojectflag=True,
         )
-        return result_with_parts(meshes.current_mesh())
+        remeshed = meshes.current_mesh()
+        return remeshed.vertex_matrix(), remeshed.face_matrix().astype(np.int64)
+
+
+def _require_even_size(vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Raise PerturbationError for a shape next to which its own triangles are so small that MeshLab would not end."""
+    edges = np.linalg.norm(vertices[faces] - vertices[np.roll(faces, -1, axis=1)], axis=2)
+    ratio = np.ptp(vertices[faces], axis=(0, 1)).max() / max(np.median(edges), np.finfo(float).tiny)
+    if ratio > MAX_SIZE_OVER_EDGE:
+        raise PerturbationError(
+            f"tessellation: a component is {ratio:.2g} times as large as the median edge is long, possibly because of a "
+            "vertex far away; remove it"
+        )
 
 
 def _closest_points(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
