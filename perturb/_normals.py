@@ -39,13 +39,13 @@ def compute_vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarra
     if (cancelled & (angle_sum > 0)).any():
         signs *= _signs_towards_widest(faces, signs, angles, normals, cancelled)
         total[cancelled] = _weighted_sum(faces, signs * angles, normals, n_vertices)[cancelled]
-    narrow = (0 < angle_sum) & (angle_sum < SLIVER_ANGLE)
+    narrow = (angle_sum > 0) & (angle_sum < SLIVER_ANGLE)
     total[narrow] /= angle_sum[narrow, None]
     return unitize(total)
 
 
 def distinct_faces(faces: np.ndarray) -> np.ndarray:
-    """(k,) indices, ascending, of the faces with three different corners, and of those with the same three the first."""
+    """(k,) indices, ascending, of the faces with three different corners; of those with the same three, the first."""
     proper = np.flatnonzero(~has_repeated_corner(faces))
     _, first = np.unique(np.sort(faces[proper], axis=1), axis=0, return_index=True)
     return proper[np.sort(first)]
@@ -139,7 +139,10 @@ def consistent_signs(faces: np.ndarray) -> np.ndarray:
         # Around a vertex, faces can always be wound alike. Half-edge 3 f + i runs from corner i to the next one.
         same = faces.ravel()[first] == faces.ravel()[second]  # the half-edges run in the same direction
         next_first, next_second = _next_corner(first), _next_corner(second)
-        pairs = np.r_[first, next_first], np.r_[np.where(same, second, next_second), np.where(same, next_second, second)]
+        pairs = (
+            np.r_[first, next_first],
+            np.r_[np.where(same, second, next_second), np.where(same, next_second, second)],
+        )
         corner_signs, _ = _propagate(3 * len(faces), *pairs, np.r_[opposed, opposed])
         signs *= np.where(one_sided[:, None], corner_signs.reshape(-1, 3), 1.0)
     return signs
@@ -151,7 +154,7 @@ def _next_corner(corner: np.ndarray) -> np.ndarray:
 
 
 def _adjacent_faces(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return, for each edge of exactly two faces, their half-edges (k,) and (k,), and whether they are wound differently."""
+    """Return, for each edge of two faces, their half-edges (k,) and (k,), and whether they are wound differently."""
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     edges = np.stack([np.minimum(start, end), np.maximum(start, end)], axis=1)
     order = np.lexsort(edges.T)
@@ -162,9 +165,7 @@ def _adjacent_faces(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return first, second, start[first] == start[second]
 
 
-def _propagate(
-    n: int, first: np.ndarray, second: np.ndarray, opposed: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _propagate(n: int, first: np.ndarray, second: np.ndarray, opposed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Give each of n items a sign such that the two items of an opposed pair differ and those of other pairs agree.
 
     Returns

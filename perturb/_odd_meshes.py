@@ -62,7 +62,7 @@ def sheets(gap: float, n: int = 24) -> Arrays:
     other = np.concatenate([np.stack([a, d, b], axis=1), np.stack([b, d, c], axis=1)])
     if gap == 0:
         return below, np.concatenate([one, other])
-    return np.concatenate([below, below + [0, 0, gap]]), np.concatenate([one, other + n * n])
+    return np.concatenate([below, below + np.array([0, 0, gap])]), np.concatenate([one, other + n * n])
 
 
 def moebius_strip(n: int = 60, width: int = 5) -> Arrays:
@@ -165,7 +165,7 @@ def _open(vertices: np.ndarray, faces: np.ndarray) -> Arrays:
 
 
 def _several_components(vertices: np.ndarray, faces: np.ndarray) -> Arrays:
-    return _together(*[(vertices + [0, 0, 0.9 * i], faces) for i in range(4)])
+    return _together(*[(vertices + np.array([0, 0, 0.9 * i]), faces) for i in range(4)])
 
 
 def _edges_of_three_faces(vertices: np.ndarray, faces: np.ndarray) -> Arrays:
@@ -184,7 +184,7 @@ def _bow_ties(vertices: np.ndarray, faces: np.ndarray) -> Arrays:
     pair = np.concatenate([vertices, np.delete(other, end, axis=0)]), np.concatenate([faces, joined[faces[:, ::-1]]])
     angle = 2 * np.pi * np.arange(12) / 12
     rim = 0.2 * np.stack([np.cos(angle), np.sin(angle), np.ones(12)], axis=1)
-    cone = np.concatenate([np.zeros((1, 3)), rim, rim * [1, 1, -1]]) + [0, 2, 0]
+    cone = np.concatenate([np.zeros((1, 3)), rim, rim * [1, 1, -1]]) + np.array([0, 2, 0])
     upper = np.stack([np.zeros(12, dtype=int), 1 + np.arange(12), 1 + np.roll(np.arange(12), -1)], axis=1)
     return _together(pair, (cone, np.concatenate([upper, (upper + 12 * (upper > 0))[:, ::-1]])))
 

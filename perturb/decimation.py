@@ -42,12 +42,16 @@ class Decimation(Perturbation):
 
     Notes
     -----
-    Triangles that the collapses folded onto each other (with the same three vertices) are removed, in pairs of
+    Before decimation, triangles with a repeated corner are removed, and of several with the same three vertices, in
+    either winding, all but the first: `amount` is a share of the others, and `Perturbed.applied` counts the removed
+    ones. Triangles that the collapses folded onto each other (with the same three vertices) are removed, in pairs of
     opposite orientation or down to one; the tip of a fold counts as merged into its base. A component that folds
-    completely disappears; `Perturbed.applied` counts these triangles. Before that, triangles with a repeated corner are
-    removed, and of several with the same three vertices, in either winding, all but the first: `amount` is a share of
-    the others, and `Perturbed.applied` counts the removed ones. If fast_simplification pinches a thin part, an edge with four triangles may remain; pymeshlab preserves
-    the topology.
+    completely disappears; `Perturbed.applied` counts these triangles. If fast_simplification pinches a thin part, an
+    edge with four triangles may remain; pymeshlab preserves the topology.
+
+    Vertices that coincide remain apart. If pymeshlab then cannot remove any face, as of triangles that share no
+    vertices, they are merged, and ``applied["welded_vertices"]`` is the number of vertices that vanished thereby. If
+    still no face can be removed, a PerturbationError reports it.
 
     References
     ----------

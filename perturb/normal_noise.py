@@ -30,11 +30,11 @@ class NormalNoise(Perturbation):
 
     Notes
     -----
-    Normals are those of `perturb.vertex_normals`, which are meaningful also on two-sided and inconsistently wound meshes.
-    Vertices without a normal (without faces, or with only degenerate ones) do not move; `Perturbed.applied` counts them.
-    If these are more than 1 % of the vertices with faces, a PerturbationError reports it, as it does if the coordinates
-    are so large that the displacement is lost in their rounding. `Perturbed.applied` contains the largest displacement
-    and, over the vertices that moved, the root mean square, in the mesh's own unit.
+    Normals are those of `perturb.vertex_normals`, also meaningful on two-sided and inconsistently wound meshes.
+    Vertices without a normal (without faces, or with only degenerate ones) do not move; `Perturbed.applied` counts
+    them. If these are more than 1 % of the vertices with faces, a PerturbationError reports it, as it does if the
+    coordinates are so large that the displacement is lost in their rounding. `Perturbed.applied` contains the largest
+    displacement and, over the vertices that moved, the root mean square, in the mesh's own unit.
 
     References
     ----------

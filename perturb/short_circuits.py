@@ -40,8 +40,8 @@ class ShortCircuits(Perturbation):
     triangles, oriented like their neighbours: a surface that was edge-manifold, watertight and consistently oriented
     remains so, and every tube lowers the Euler characteristic by 2. A strip leaves open what the other two sides would
     close: the surface remains edge-manifold but gains a boundary, and the Euler characteristic falls by 3. No vertex
-    loses its last face, and no two tubes share a vertex. Tubes may pass through the interior of the shape, as some do in the paper's Figure 11, and
-    are not checked for intersections.
+    loses its last face, and no two tubes share a vertex. Tubes may pass through the interior of the shape, as some do
+    in the paper's Figure 11, and are not checked for intersections.
 
     If fewer than `amount` tubes can be placed from SOURCES_PER_STEP random vertices, `near` is widened in
     WIDENING_STEPS equal ratios up to ``far / MIN_DETOUR``, where SOURCES_IN_LAST_STEP vertices are tried;
@@ -105,10 +105,11 @@ class ShortCircuits(Perturbation):
                 if len(placement.ends) == count:
                     break
         if len(placement.ends) < count:
+            between = ", where a strip leaves no vertex without a face" if self.bridge == "strip" else ""
             raise PerturbationError(
                 f"short_circuits: {count} tubes were requested, but only {len(placement.ends)} were found with ends "
                 f"within {self.far / self.MIN_DETOUR:g} bounding-box diagonals in space and beyond {self.far:g} along "
-                "the edges; lower amount or far"
+                f"the edges{between}; lower amount or far"
             )
         return {
             "vertices": np.array(placement.ends, dtype=np.int64).reshape(-1, 2),

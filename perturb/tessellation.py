@@ -50,9 +50,9 @@ class Tessellation(Perturbation):
     `Perturbed.applied` contains the ratio that was reached. Edges sharper than SHARP_ANGLE degrees are preserved, so a
     coarse tessellation of a shape with many of them may be impossible: a PerturbationError reports what was reached.
 
-    Vertices that coincide remain apart, and components are not joined. The counterpart of a vertex is the nearest corner
-    of the triangle closest to it; on a mesh with coinciding vertices, of its own component. A vertex without faces is removed,
-    except by subdivision.
+    Vertices that coincide remain apart, and components are not joined. The counterpart of a vertex is the nearest
+    corner of the triangle closest to it; on a mesh with coinciding vertices, of its own component. A vertex without
+    faces is removed, except by subdivision.
 
     References
     ----------
@@ -232,8 +232,8 @@ def _require_even_size(vertices: np.ndarray, faces: np.ndarray) -> None:
     ratio = np.ptp(vertices[faces], axis=(0, 1)).max() / max(np.median(edges), np.finfo(float).tiny)
     if ratio > MAX_SIZE_OVER_EDGE:
         raise PerturbationError(
-            f"tessellation: a component is {ratio:.2g} times as large as the median edge is long, possibly because of a "
-            "vertex far away; remove it"
+            f"tessellation: a component is {ratio:.2g} times as large as the median edge is long, possibly because of "
+            "a vertex far away; remove it"
         )
 
 
