@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.numerics.compilation import compiled
+from heatwalk.numerics.compilation import compiled, inlined
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -187,7 +187,7 @@ def _append_new_rows(
 # --- numeric factorisation
 
 
-@compiled
+@inlined
 def _panel(panels: Panels, j: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Panel j, (width, width + rows below): row i is column i of [D; F]; and its rows below the diagonal block."""
     below = panels.rows[panels.row_starts[j] : panels.row_starts[j + 1]]
@@ -216,7 +216,7 @@ def _factorise(
         _update_panels(panels, panel_of, lower, below, position, work)
 
 
-@compiled
+@inlined
 def _add_matrix_columns(
     indptr: NDArray[np.int32],
     indices: NDArray[np.int32],
@@ -241,7 +241,7 @@ def _add_matrix_columns(
                 panel[column - start, row - start] += data[i]
 
 
-@compiled
+@inlined
 def _eliminate_narrow(panel: NDArray[np.float64], lower: NDArray[np.float64]) -> None:
     """Replace a panel of A by [D⁻¹; F D⁻¹], and put Fᵀ into ``lower``; for a few columns."""
     _cholesky_columns(panel)
@@ -249,7 +249,7 @@ def _eliminate_narrow(panel: NDArray[np.float64], lower: NDArray[np.float64]) ->
     _multiply_by_inverse(panel)
 
 
-@compiled
+@inlined
 def _cholesky_columns(panel: NDArray[np.float64]) -> None:
     """Replace a panel of A by [D; F], column by column."""
     width = len(panel)
@@ -266,7 +266,7 @@ def _cholesky_columns(panel: NDArray[np.float64]) -> None:
                 target[i] -= factor * source[i]
 
 
-@compiled
+@inlined
 def _multiply_by_inverse(panel: NDArray[np.float64]) -> None:
     """Replace [D; F] by [D⁻¹; F D⁻¹], from the last column to the first: each is a combination of those after it."""
     width = len(panel)
@@ -283,7 +283,7 @@ def _multiply_by_inverse(panel: NDArray[np.float64]) -> None:
             line[i] *= scale
 
 
-@compiled
+@inlined
 def _eliminate_wide(panel: NDArray[np.float64]) -> NDArray[np.float64]:
     """Replace a panel of A by [D⁻¹; F D⁻¹] and return Fᵀ; for many columns."""
     width = len(panel)
@@ -294,7 +294,7 @@ def _eliminate_wide(panel: NDArray[np.float64]) -> NDArray[np.float64]:
     return lower
 
 
-@compiled
+@inlined
 def _update_panels(
     panels: Panels,
     panel_of: NDArray[np.int64],
@@ -316,7 +316,7 @@ def _update_panels(
         first = last
 
 
-@compiled
+@inlined
 def _locate_rows(
     below: NDArray[np.int32],
     first: int,
@@ -341,7 +341,7 @@ def _locate_rows(
     return last
 
 
-@compiled
+@inlined
 def _subtract_wide(
     lower: NDArray[np.float64], first: int, last: int, position: NDArray[np.int64], target: NDArray[np.float64]
 ) -> None:
@@ -353,7 +353,7 @@ def _subtract_wide(
             line[position[first + i]] -= update[row, i]
 
 
-@compiled
+@inlined
 def _subtract_narrow(
     lower: NDArray[np.float64],
     first: int,

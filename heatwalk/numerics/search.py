@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.numerics.compilation import compiled
+from heatwalk.numerics.compilation import compiled, inlined
 
 # Rows per leaf. With 16, and so twice as many nodes, building and searching together take a third longer.
 LEAF_SIZE = 32
@@ -228,7 +228,7 @@ def _set_axis(sample: NDArray[np.float64], frame: NDArray[np.float64], axis: int
         _remove_component(sample[i], direction)
 
 
-@compiled
+@inlined
 def _set_extents(
     rows: NDArray[np.float64],
     start: int,
@@ -254,7 +254,7 @@ def _set_extents(
     extent[NORMAL] = np.sqrt(farthest)
 
 
-@compiled
+@inlined
 def _coordinates(row: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[tuple[float, float, float], float]:
     """⟨d, T_1⟩ … ⟨d, T_a⟩ of a row c + d, and |d|² plus what rounding may have lost; in one pass over the row."""
     square = along_1 = along_2 = along_3 = 0.0
@@ -329,11 +329,13 @@ class Best(NamedTuple):
     """The best products found for a query so far.
 
     value, row : the largest product, and its row
+    floor : the least product that ties with it
     answer, answer_value, answer_leaf : the smallest row that ties with it, its product and its leaf
     """
 
     value: float
     row: int
+    floor: float
     answer: int
     answer_value: float
     answer_leaf: int
@@ -342,32 +344,39 @@ class Best(NamedTuple):
 @compiled
 def _search(tree: Tree, tie: float, argmax: NDArray[np.int64], maximum: NDArray[np.float64]) -> int:
     """Set the results of all rows; returns the number of inner products."""
-    width = tree.frame.shape[2]
-    query = np.empty(tree.rows.shape[1])
+    rows, order, leaves, frame, extent, smallest = tree  # in the loops below, attributes of a tuple cost time
+    width = frame.shape[2]
+    query = np.empty(rows.shape[1])
     products = np.empty(LEAF_SIZE)
     n_products = 0
     first_leaf = 0  # the leaf of the answer to the previous query
-    for x in range(len(tree.rows)):
-        query[:] = tree.rows[x]
+    for x in range(len(rows)):
+        query[:] = rows[x]
         head_square, tail_square = _dot(query[:width], query[:width]), _dot(query[width:], query[width:])
-        square, row = head_square + tail_square, tree.order[x]
-        best = Best(square, row, row, square, x // LEAF_SIZE)
+        square, row = head_square + tail_square, order[x]
+        best = Best(square, row, square * (1 - tie), row, square, x // LEAF_SIZE)
         skipped_tie = True
         while skipped_tie:
             best, skipped_tie, n_scanned = _search_tree(
-                tree, query, head_square, tail_square, tie, first_leaf, best, products
-            )
+                rows, order, leaves, frame, extent, smallest,
+                query, head_square, tail_square, tie, first_leaf, best, products,
+            )  # fmt: skip
             n_products += n_scanned
             if skipped_tie:
-                best = Best(best.value, best.row, best.row, best.value, best.answer_leaf)
+                best = Best(best.value, best.row, best.floor, best.row, best.value, best.answer_leaf)
         argmax[row], maximum[row] = best.answer, best.value
         first_leaf = best.answer_leaf
     return n_products
 
 
-@compiled
+@inlined
 def _search_tree(
-    tree: Tree,
+    rows: NDArray[np.float64],
+    order: NDArray[np.int64],
+    leaves: NDArray[np.int64],
+    frame: NDArray[np.float64],
+    extent: NDArray[np.float64],
+    smallest: NDArray[np.int64],
     query: NDArray[np.float64],
     head_square: float,
     tail_square: float,
@@ -381,26 +390,33 @@ def _search_tree(
     Returns the best, whether a row that ties with it may have been skipped, and the number of inner products.
     """
     length, tail = np.sqrt(head_square + tail_square), np.sqrt(tail_square)
-    best, skipped_tie, n_products = _scan_leaf(tree, query, first_leaf, tie, best, products)
-    node = 0
-    while node < len(tree.leaves):
-        first, last = tree.leaves[node, 0], tree.leaves[node, 1]
-        if first <= first_leaf < last:  # its bound cannot be below the product that it contains
-            node += 1
-            continue
-        extent, smallest = tree.extent[node], tree.smallest[node]
-        if not _can_contain_answer(query, head_square, length, tail, tree.frame[node], extent, smallest, tie, best):
-            node += 2 * (last - first) - 1
-            continue
+    skipped_tie = False
+    n_products = 0
+    node = -1  # stands for the first leaf, before the tree
+    while node < len(leaves):
+        leaf = first_leaf
+        if node >= 0:
+            first, last = leaves[node, 0], leaves[node, 1]
+            if first <= first_leaf < last:  # its bound cannot be below the product that it contains
+                node += 1
+                continue
+            if not _can_contain_answer(
+                query, head_square, length, tail, frame[node], extent[node], smallest[node], best
+            ):
+                node += 2 * (last - first) - 1
+                continue
+            if last - first > 1:
+                node += 1
+                continue
+            leaf = first
         node += 1
-        if last - first == 1:
-            best, skipped, n_scanned = _scan_leaf(tree, query, first, tie, best, products)
-            skipped_tie |= skipped
-            n_products += n_scanned
+        best, skipped, n_scanned = _scan_leaf(rows, order, query, leaf, tie, best, products)
+        skipped_tie |= skipped
+        n_products += n_scanned
     return best, skipped_tie, n_products
 
 
-@compiled
+@inlined
 def _can_contain_answer(
     query: NDArray[np.float64],
     head_square: float,
@@ -409,13 +425,11 @@ def _can_contain_answer(
     frame: NDArray[np.float64],
     extent: NDArray[np.float64],
     smallest: int,
-    tie: float,
     best: Best,
 ) -> bool:
     """Whether a node may contain a product larger than the best, or a tie of a smaller row."""
-    floor = best.value * (1 - tie)
     reach = length * extent[LENGTH]
-    if reach < floor:
+    if reach < best.floor:
         return False
     bound, along = _products_with_frame(query, frame)
     bound += tail * extent[TAIL]
@@ -426,10 +440,10 @@ def _can_contain_answer(
     bound += np.sqrt(max(across, 0.0)) * extent[NORMAL]
     slack = ROUNDING * reach
     # If no product can be larger than the best, only a tie of a smaller row counts.
-    return bound + slack >= floor and (bound > best.value + slack or smallest < best.answer)
+    return bound + slack >= best.floor and (bound > best.value + slack or smallest < best.answer)
 
 
-@compiled
+@inlined
 def _products_with_frame(
     query: NDArray[np.float64], frame: NDArray[np.float64]
 ) -> tuple[float, tuple[float, float, float]]:
@@ -443,22 +457,30 @@ def _products_with_frame(
     return centre, (along_1, along_2, along_3)
 
 
-@compiled
+@inlined
 def _scan_leaf(
-    tree: Tree, query: NDArray[np.float64], leaf: int, tie: float, best: Best, products: NDArray[np.float64]
+    rows: NDArray[np.float64],
+    order: NDArray[np.int64],
+    query: NDArray[np.float64],
+    leaf: int,
+    tie: float,
+    best: Best,
+    products: NDArray[np.float64],
 ) -> tuple[Best, bool, int]:
-    """Update the best with the rows of a leaf; returns as `_search_tree`."""
+    """Update the best with the rows of a leaf.
+
+    Returns the best with its floor, whether a row that ties with it may have been skipped, and the number of products.
+    """
     start = leaf * LEAF_SIZE
-    size = min(LEAF_SIZE, len(tree.rows) - start)
+    size = min(LEAF_SIZE, len(rows) - start)
     for i in range(size):
-        products[i] = _dot(tree.rows[start + i], query)
-    value, row, answer, answer_value, answer_leaf = best
-    floor = value * (1 - tie)
+        products[i] = _dot(rows[start + i], query)
+    value, row, floor, answer, answer_value, answer_leaf = best
     skipped_tie = False
     for i in range(size):
         if products[i] < floor:
             continue
-        y = tree.order[start + i]
+        y = order[start + i]
         if products[i] > value:
             floor = products[i] * (1 - tie)
             if answer_value < floor:
@@ -468,4 +490,4 @@ def _scan_leaf(
             value, row = products[i], y
         if y < answer:
             answer, answer_value, answer_leaf = y, products[i], leaf
-    return Best(value, row, answer, answer_value, answer_leaf), skipped_tie, size
+    return Best(value, row, floor, answer, answer_value, answer_leaf), skipped_tie, size

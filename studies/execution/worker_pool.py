@@ -40,6 +40,10 @@ ATTEMPTS = 3  # workers that may die before one of them starts a task
 
 _STARTED = b"started"  # what a worker sends when it starts a task
 
+# Starting a process reads the exit codes of all others that have ended; of two threads that read one at the same time,
+# one would get a wrong one.
+_exit_codes = threading.Lock()
+
 
 class WorkerPoolError(OSError):
     """Worker processes cannot be started; the message tells how they ended."""
@@ -223,7 +227,8 @@ class _Worker:
             target=_serve, args=(pipe_of_worker, function), name="studies worker", daemon=False
         )
         try:
-            self._process.start()
+            with _exit_codes:
+                self._process.start()
         finally:
             pipe_of_worker.close()  # or the pipe would stay open when the worker has died
         self._programs: list[psutil.Process] = []
@@ -265,9 +270,10 @@ class _Worker:
     def end(self) -> int:
         """Wait for the end of the process and of its programs: the exit code."""
         with self._ending:
-            self._process.join(EXIT_SECONDS)
-            if self._process.exitcode is None:
+            if not connection.wait([self._process.sentinel], EXIT_SECONDS):
                 self._process.kill()
+                connection.wait([self._process.sentinel])
+            with _exit_codes:
                 self._process.join()
             kill_processes(self._programs)
             _, alive = psutil.wait_procs(self._supervisors, timeout=GRACE_SECONDS)

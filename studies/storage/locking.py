@@ -52,7 +52,9 @@ class FolderLock:
     def release(self) -> None:
         """Release the lock and remove its files."""
         self._holder.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # Windows removes no file that is open
+        # While it is locked: who opened it before will see that it was removed, and open a new one. Windows removes no
+        # file that is open, and filelock does so itself there.
+        with contextlib.suppress(OSError):
             self._path.unlink()
         self._lock.release()
 

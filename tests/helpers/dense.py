@@ -1,11 +1,11 @@
-"""The paper's method as it is printed, with n x n arrays: what the package is held against."""
+"""The method as printed in the paper, with n x n arrays: the reference for the tests."""
 
 import numpy as np
 import scipy.linalg
 
 
 def cotangent_operator(vertices, faces):
-    """Stiffness from the angles themselves, triangle by triangle, and barycentric mass; both (n, n)."""
+    """Stiffness from the angles, triangle by triangle, and barycentric mass; both (n, n)."""
     n = len(vertices)
     stiffness, mass = np.zeros((n, n)), np.zeros((n, n))
     for face in faces:
@@ -30,7 +30,7 @@ def heat_kernel(vertices, faces, time):
 
 
 def algorithm_1(kernel, tie=1e-10):
-    """Exemplar of every vertex after each step, loops and all: a list of (n,) arrays."""
+    """Exemplar of every vertex after each step, with plain loops: a list of (n,) arrays."""
     n = len(kernel)
     exemplar = np.arange(n)
     potential = np.diag(kernel).copy()
@@ -53,7 +53,7 @@ def algorithm_1(kernel, tie=1e-10):
 
 
 def algorithm_2(kernel, labels):
-    """Both divergences of every vertex: from its cluster's mean density and from the uniform one."""
+    """Both divergences of every vertex: from the mean density of its cluster and from the uniform density."""
     n = len(kernel)
     heat = np.maximum(kernel, 1e-300)
     density = heat / heat.sum(axis=1, keepdims=True)
@@ -67,7 +67,7 @@ def algorithm_2(kernel, labels):
 
 
 def whole(kernel):
-    """The n x n kernel of a ``HeatKernel``, put together from the blocks of its components."""
+    """The n x n kernel of a ``HeatKernel``, assembled from the blocks of its components."""
     result = np.zeros((len(kernel.factor),) * 2)
     for part in kernel.parts():
         for rows, block in kernel.row_blocks(part):

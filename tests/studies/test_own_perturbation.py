@@ -1,35 +1,36 @@
-"""A perturbation of the user's own, as the README has it: in a folder of theirs, by the command that they type."""
+"""A perturbation of the user's own, as docs/perturbations.md shows it: typed in a folder of theirs."""
 
 import os
-import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import pandas as pd
 import pytest
 
-README = Path(__file__).parents[2] / "README.md"
+from tests.helpers.documents import ROOT, blocks, section
+
+PAGE = (ROOT / "docs" / "perturbations.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
 def example():
-    """The README's code and its command, as words."""
-    _, section = README.read_text().split("**Your own perturbation**")
-    code, command = re.findall(r"```(?:python)?\n(.*?)```", section, re.DOTALL)[:2]
-    return "from dataclasses import dataclass\n\nimport perturb\n\n\n" + code, shlex.split(command.replace("\\\n", " "))
+    """The page's code, and its two commands as words."""
+    code, run, check = blocks(section(PAGE, "## Write one"))
+    assert code.title == "my_package.py"
+    return code.text, shlex.split(run.text), shlex.split(check.text)
 
 
 def test_the_example_runs_where_it_is_typed(here, example):
-    code, (_, *words) = example
+    code, (_, *run), (_, *check) = example
     (here / "my_package.py").write_text(code)
-    done = subprocess.run(
-        [sys.executable, *words, "dataset=files", "dataset.glob=ant.off", "engine.workers=1"],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    folder = here / "results" / "stretch" / "files"
+    for words in ([*run, "dataset=files", "dataset.glob=ant.off", "engine.workers=1"], check):
+        done = subprocess.run(
+            [sys.executable, *words],
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, capture_output=True, text=True,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+    folder = here / "mine" / "stretch" / "files"
     rows = pd.read_parquet(folder / "trials.parquet")
     assert rows["status"].tolist() == ["ok"] * 3
     assert rows["perturbation"].unique().tolist() == ["stretch"]
@@ -40,7 +41,7 @@ def test_the_example_runs_where_it_is_typed(here, example):
 
 def test_other_code_is_another_perturbation(here, own_modules, plan, example):
     sys.path.insert(0, str(own_modules))
-    code, (_, _, _, *words) = example
+    code, (_, _, _, *words), _ = example
     words = [*words, "dataset=files", "dataset.glob=ant.off"]
     (own_modules / "my_package.py").write_text(code)
     before = plan(*words)

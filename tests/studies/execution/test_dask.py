@@ -11,7 +11,6 @@ from pathlib import Path
 
 import psutil
 import pytest
-from studies.planning.plan import plan
 
 from studies.datasets.files import FileModel
 from studies.execution import Serial, TaskFailure, run_trials
@@ -194,13 +193,13 @@ class OnlyHere(FileModel):
         return super().load()
 
 
-def test_meshes_reach_workers_that_do_not_see_their_files(scheduler, tmp_path, composed):
+def test_meshes_reach_workers_that_do_not_see_their_files(scheduler, tmp_path, plan):
     bundled("ant").export(tmp_path / "ant.off")
     (tmp_path / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n")
     words = ("dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1,0.2]", "repeats=2", *STUDY[3:5])
     planned = [
         replace(trial, model=OnlyHere(trial.model.name, "", trial.model.path, os.getpid()))
-        for trial in plan(composed("+study=normal_noise", *words))
+        for trial in plan("+study=normal_noise", *words)
     ]
 
     def rows(engine):

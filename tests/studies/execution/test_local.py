@@ -90,8 +90,8 @@ def test_a_task_that_exits_costs_itself_only():
 
 
 def test_a_worker_that_hangs_costs_its_own_task_only():
-    outcomes = outcomes_of(Local(workers=2, timeout=1), hang_at_three, range(8))
-    assert outcomes.pop(3) == TaskFailure("timeout", "took longer than trial.timeout=1 seconds")
+    outcomes = outcomes_of(Local(workers=2, timeout=3), hang_at_three, range(8))
+    assert outcomes.pop(3) == TaskFailure("timeout", "took longer than trial.timeout=3 seconds")
     assert outcomes == {x: x for x in range(8) if x != 3}
 
 

@@ -13,8 +13,8 @@ NAMES = [column.name for column in COLUMNS]
 
 def test_rows_are_on_disk_before_the_store_is_closed(tmp_path):
     with RowStore(tmp_path) as store:
-        store.add(row("a", change_percentage=0.1 + 0.2))
-        assert StoredRows(tmp_path).frame(["a"], COLUMNS)["change_percentage"].tolist() == [0.1 + 0.2]
+        store.add(row("a", seconds_segment=0.1 + 0.2))
+        assert StoredRows(tmp_path).frame(["a"], COLUMNS)["seconds_segment"].tolist() == [0.1 + 0.2]
 
 
 def test_a_later_row_replaces_an_earlier_one(tmp_path):
