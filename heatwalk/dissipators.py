@@ -8,6 +8,10 @@ from heatwalk.kernel import HeatKernel
 # Least density, relative to the largest, inside a logarithm: smaller values are rounding errors of the kernel.
 MIN_DENSITY = 1e-16
 
+# An excess this small, relative to the size of the terms that it sums, is a tie: the vertex does not dissipate. Its sign
+# is rounding error, and would depend on the processor, the number of threads and the solver's path.
+TIE = 1e-10
+
 # Bytes of the densities that are processed together: few enough for the cache.
 BLOCK_BYTES = 2**20
 
@@ -30,7 +34,7 @@ def relative_entropy_excess(
     Returns
     -------
     (n,) float array
-        KL(p_x ‖ q_C) − KL(p_x ‖ uniform) in nats; vertex x dissipates if it is positive
+        KL(p_x ‖ q_C) − KL(p_x ‖ uniform) in nats; vertex x dissipates if it is positive; 0 if it is within `TIE`
 
     Notes
     -----
@@ -60,13 +64,17 @@ def relative_entropy_excess(
         blocks = [slice(start, start + height) for start in range(0, n, height)]
         peak_density = np.max([(factor[rows] @ region_sums.T).max(axis=0) for rows in blocks], axis=0)
         log_ratio_sums = np.zeros_like(region_sums)  # Σ_y measure(y) log(q_C(y)/u(y)) factor(y) for each region C
+        sizes = np.zeros_like(region_sums)  # the same of |log(q_C(y)/u(y))|
         for rows in blocks:
             density = np.maximum(factor[rows] @ region_sums.T, MIN_DENSITY * peak_density)
             log_ratio = np.log(density * (measure.sum() / (region_sums @ total)))
-            log_ratio_sums += (measure[part[rows], None] * log_ratio).T @ factor[rows]
+            log_ratio *= measure[part[rows], None]
+            log_ratio_sums += log_ratio.T @ factor[rows]
+            sizes += np.abs(log_ratio).T @ factor[rows]
         for rows in blocks:
             divergence = np.einsum("ij,ij->i", factor[rows], log_ratio_sums[region[rows]])
-            excess[part[rows]] = -divergence / (factor[rows] @ total)
+            size = np.einsum("ij,ij->i", factor[rows], sizes[region[rows]])
+            excess[part[rows]] = np.where(np.abs(divergence) <= TIE * size, 0, -divergence / (factor[rows] @ total))
     return excess
 
 
