@@ -211,14 +211,14 @@ def test_a_sweep_goes_on_past_a_study_that_fails(folder):
 def test_help_lists_what_there_is(tmp_path):
     done = run(tmp_path, "--help")
     assert done.returncode == 0
-    for word in ("decimation, holes, missing_parts", "bundled, files, psb", "+study=NAME", "repeats: 3"):
+    for word in ("decimation, holes, missing_parts", "bundled, custom, files, psb", "+study=NAME", "repeats: 3"):
         assert word in done.stdout
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), ["type +study=NAME", "NAME one of anatomy, decimation", "holes, missing_parts, normal_noise"]),
+        ((), ["type +study=NAME", "NAME one of anatomy, custom, decimation", "holes, missing_parts, normal_noise"]),
         (("+study=shotnoise",), ["Could not find 'study/shotnoise'", "shot_noise"]),
         (("+study=holes", "dataset=pbs"), ["Could not find 'dataset/pbs'", "psb"]),
         (("+study=holes", "repeat=3"), ["Could not override 'repeat'", "repeats, results_dir, trial.timeout"]),
