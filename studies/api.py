@@ -49,11 +49,12 @@ def run(study: str, overrides: Sequence[str] = (), *, quiet: bool = False) -> Re
     from rich.console import Console
 
     from studies.execution.study import run_study
-    from studies.planning.command_line import quote_command
+    from studies.planning.command_line import check_groups, quote_argument
     from studies.planning.configuration import configure
     from studies.planning.errors import StudyError
 
-    options = [f"+study={study}", *map(quote_command, overrides)]
+    options = [f"+study={study}", *map(quote_argument, overrides)]
+    check_groups(options)
     GlobalHydra.instance().clear()
     with initialize_config_module("conf", version_base="1.3"):
         try:

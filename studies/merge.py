@@ -8,6 +8,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from studies.terminal import MISTAKE, SUCCESS, one_line, run_command
+
 
 def merge_folders(first: Path, second: Path, into: Path) -> None:
     """Merge two results folders and write the tables and charts of the whole."""
@@ -45,11 +47,11 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         merge_folders(options.first, options.second, options.into or options.first)
-    except (ValueError, OSError) as error:
-        print(f"studies.merge: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    return 0
+    except Exception as error:  # whatever a file leads to that a study did not write
+        print(f"studies.merge: error: {one_line(error)}", file=sys.stderr)
+        return MISTAKE
+    return SUCCESS
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

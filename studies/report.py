@@ -7,6 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from studies.terminal import MISTAKE, SUCCESS, one_line, run_command
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
@@ -16,25 +18,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     from rich.console import Console
 
-    from studies.reporting.page import page, stored_results
+    from studies.reporting.page import page, sorted_by_section, study_folders
+    from studies.reporting.results import Results
     from studies.reporting.write import write_tables
-    from studies.storage import atomic_write
+    from studies.storage import atomic_write, encodable
 
-    try:
-        found = stored_results(root)
-        if not found:
-            raise ValueError(f"no rows of a study under {root}")
-    except ValueError as error:
-        print(f"studies.report: error: {error}", file=sys.stderr)
-        return 2
     console = Console()
-    for study in found:
-        write_tables(study, console)
-    with atomic_write(root / "README.md") as path:
-        path.write_text(page(found, root), "utf-8")
+    found, unreadable = [], []
+    for folder in study_folders(root):
+        try:
+            study = Results.load(folder)
+            if not study.rows.empty:
+                write_tables(study, console)
+                page([study], root)
+                found.append(study)
+        except Exception as error:  # whatever a file leads to that a study did not write
+            unreadable.append(f"{folder.relative_to(root).as_posix()}: cannot be read: {one_line(error)}")
+    for line in unreadable:
+        print(line)
+    if not found:
+        print(f"studies.report: error: no rows of a study that can be read under {root}", file=sys.stderr)
+        return MISTAKE
+    try:
+        with atomic_write(root / "README.md") as path:
+            path.write_text(encodable(page(sorted_by_section(found), root)), "utf-8")
+    except OSError as error:
+        print(f"studies.report: error: {one_line(error)}", file=sys.stderr)
+        return MISTAKE
     console.print(f"{len(found)} studies; the page is {root / 'README.md'}", highlight=False, soft_wrap=True)
-    return 0
+    return SUCCESS
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -6,7 +6,9 @@ module again, and `--help` should not wait for them.
 
 from __future__ import annotations
 
+import os
 import sys
+import traceback
 from collections.abc import Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -16,12 +18,19 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from studies.planning.command_line import add_missing_options, option_names, quote_command, swept_folder
+from studies.execution.interruption import is_ctrl_c, watch_ctrl_c
+from studies.planning.command_line import (
+    add_missing_options,
+    check_groups,
+    flags_last,
+    option_names,
+    quote_argument,
+    swept_folder,
+)
+from studies.terminal import INTERRUPTED, MISTAKE, SOME_FAILED, one_line, run_command
 
 if TYPE_CHECKING:
     from studies.reporting.results import Results
-
-SOME_FAILED, MISTAKE, INTERRUPTED = 1, 2, 130  # exit codes
 
 # The jobs of a sweep that failed: their options, and the exit codes that they would have had alone.
 _failed_jobs: list[tuple[str, int]] = []
@@ -33,7 +42,13 @@ class TrialsFailed(SystemExit):
 
 def main() -> None:
     """Run the command with Hydra; its own exit code for mistakes, 1, becomes 2."""
-    sys.argv[1:] = add_missing_options([quote_command(argument) for argument in sys.argv[1:]])
+    arguments = flags_last(sys.argv[1:])
+    try:
+        check_groups(arguments)
+    except ValueError as error:
+        _fail(one_line(error))
+    is_sweep = bool({"-m", "--multirun"} & set(arguments))
+    sys.argv[1:] = add_missing_options([quote_argument(argument, is_sweep) for argument in arguments])
     try:
         _hydra_main()
     except SystemExit as stop:
@@ -67,14 +82,19 @@ def _run(cfg: DictConfig) -> None:
     from studies.planning.configuration import configure
 
     overrides = list(HydraConfig.get().overrides.task)
-    try:
-        study = configure(cfg, overrides, swept_folder(sys.argv[1:], overrides))
-        outcome = run_study(study, Console())
-    except (ValueError, OSError) as error:
-        _fail(" ".join(str(error).split()) or type(error).__name__)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(INTERRUPTED)
+    with watch_ctrl_c():
+        try:
+            study = configure(cfg, overrides, swept_folder(sys.argv[1:], overrides))
+            outcome = run_study(study, Console())
+        except (ValueError, OSError) as error:
+            _fail(one_line(error))
+        except BaseException as error:  # whatever code of others raises while the study is planned
+            if is_ctrl_c(error):
+                print("interrupted", file=sys.stderr)
+                sys.exit(INTERRUPTED)
+            if os.environ.get("HYDRA_FULL_ERROR") == "1":
+                traceback.print_exception(error)
+            _fail(f"{one_line(error)} (HYDRA_FULL_ERROR=1 shows where)")
     if outcome.interrupted:
         sys.exit(INTERRUPTED)
     if not outcome.complete:
@@ -98,4 +118,4 @@ class _CallableModule(ModuleType):
 sys.modules[__name__].__class__ = _CallableModule
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from studies.storage import result_folders, summarize
+from studies.terminal import MISTAKE, SUCCESS, one_line, run_command
 
 if TYPE_CHECKING:
     from studies.storage.summary import FolderSummary
@@ -70,20 +71,20 @@ def main(arguments: list[str] | None = None) -> int:
     folders = result_folders(results)
     if not folders:
         print(f"studies.status: error: no results of a study in {results}", file=sys.stderr)
-        return 2
+        return MISTAKE
     lines, unreadable = [], []
     for folder in folders:
         name = folder.relative_to(results).as_posix()
         try:
             lines.append(cells(name, summarize(folder)))
-        except (ValueError, OSError) as error:
-            unreadable.append(f"{name}: cannot be read: {' '.join(str(error).split())}")
+        except Exception as error:  # whatever a file leads to that a study did not write
+            unreadable.append(f"{name}: cannot be read: {one_line(error)}")
     if lines:
         print_table(lines)
     for line in unreadable:
         print(line)
-    return 0
+    return SUCCESS
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from heatwalk.io.welding import check_weld
 from heatwalk.meshes import MeshError
+from studies.planning.errors import StudyError
+from studies.planning.names import check_name
 from studies.planning.targets import check_required, construct, locate
 
 if TYPE_CHECKING:
@@ -184,14 +186,18 @@ def make_dataset(options: Mapping[str, Any]) -> Dataset:
     [BundledModel(name='cow', category='animal')]
     """
     check_required("dataset", options, _EXAMPLES, DatasetError)
-    name = options["_target_"]
+    name = str(options.get("_target_"))
     target = locate("dataset", name, DatasetError)
     if not (isinstance(target, type) and issubclass(target, Dataset)):
         raise DatasetError(f"dataset._target_={name} is not a subclass of studies.datasets.Dataset")
     _check_options(target, name, [key for key in options if not key.startswith("_")])
     dataset = construct("dataset", options, DatasetError)
-    if not (isinstance(getattr(dataset, "name", None), str) and dataset.name):
+    if not getattr(dataset, "name", None):
         raise DatasetError(f"dataset._target_={name} has no name: set the class attribute `name`")
+    try:
+        check_name("dataset.name", dataset.name)
+    except StudyError as error:
+        raise DatasetError(str(error)) from error
     return dataset
 
 

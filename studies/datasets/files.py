@@ -127,7 +127,9 @@ def _split(path: Path) -> tuple[Path, str]:
     if path.exists():
         return path.parent, glob.escape(path.name)
     parts = path.parts
-    fixed = next((i for i, part in enumerate(parts) if glob.has_magic(part)), len(parts) - 1)
+    # A folder whose name looks like a pattern, such as "meshes [1]", is that folder.
+    is_pattern = (glob.has_magic(part) and not Path(*parts[: i + 1]).is_dir() for i, part in enumerate(parts))
+    fixed = next((i for i, magic in enumerate(is_pattern) if magic), len(parts) - 1)
     return Path(*parts[:fixed]), _any_case(str(Path(*parts[fixed:])))
 
 

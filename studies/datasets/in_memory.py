@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from heatwalk.io import LoadedMesh
 from studies.datasets.dataset import Model
+from studies.execution.interruption import is_ctrl_c
 
 AnyTrial = TypeVar("AnyTrial")
 
@@ -60,8 +61,10 @@ class EmbeddedModel(Model):
         for method in _CONTENT:
             try:
                 content[method] = getattr(self.model, method)()
-            except Exception as error:  # raised by the worker, if it calls the method at all
-                content[method] = error
+            except BaseException as error:
+                if is_ctrl_c(error):
+                    raise
+                content[method] = error  # raised by the worker, if it calls the method at all
         return InMemoryModel, (self.name, self.category, content)
 
 
@@ -101,7 +104,7 @@ class InMemoryModel(Model):
 
     def _result(self, method: str) -> Any:
         """What a method of the original model returned; raises what it raised."""
-        if isinstance(self.content[method], Exception):
+        if isinstance(self.content[method], BaseException):
             raise self.content[method]
         return self.content[method]
 

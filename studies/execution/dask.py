@@ -1,27 +1,32 @@
 """Tasks on other machines, by dask.distributed: ``pip install 'heatwalk[dask]'``."""
 
+import asyncio
 import contextlib
 import logging
 import multiprocessing
 import pickle
 import sys
+import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, ClassVar
 
-import hydra.utils
-
 from studies.execution.engine import TaskFailure, check_limits, check_workers
+from studies.execution.interruption import reason
 from studies.execution.worker_pool import WorkerPool
+from studies.planning.targets import construct
+from studies.planning.types import has_type
 
 try:
     import distributed
 except ImportError as error:
     raise ImportError("engine=dask needs dask.distributed: pip install 'heatwalk[dask]'") from error
 
+NOTICE_SECONDS = 60.0  # between two lines that say that workers are awaited
 REFILL_SECONDS = 5.0  # after which workers that have joined get tasks, even if no task has finished
 
 
@@ -42,6 +47,8 @@ class Dask:
         its options
     workers : int, optional
         number of workers that the cluster is asked for; by default what it starts by itself
+    wait : float, optional
+        seconds to wait for a first worker, and for another one when all have gone; by default without end
     timeout, memory : optional
         limits of one task, as for `Local`
 
@@ -55,6 +62,7 @@ class Dask:
     address: str | None = None
     cluster: Mapping[str, Any] | None = None
     workers: int | None = None
+    wait: float | None = None
     timeout: float | None = None
     memory: int | str | None = None
     _sessions: list["_DaskSession"] = field(default_factory=list, init=False, repr=False, compare=False)
@@ -65,6 +73,15 @@ class Dask:
                 "engine=dask requires either engine.address=tcp://HOST:PORT of a running scheduler, "
                 "or 'engine.cluster={_target_:dask_jobqueue.SLURMCluster,…}'"
             )
+        if self.address is not None and not (isinstance(self.address, str) and self.address):
+            raise ValueError(f"engine.address is {self.address!r}: must be text, such as tcp://HOST:8786")
+        if self.cluster is not None and not (isinstance(self.cluster, Mapping) and "_target_" in self.cluster):
+            raise ValueError(
+                f"engine.cluster is {self.cluster!r}: must be a class and its options, as in "
+                "'engine.cluster={_target_:dask_jobqueue.SLURMCluster,cores:1,memory:4GB}'"
+            )
+        if self.wait is not None and not (has_type(self.wait, float) and self.wait > 0):
+            raise ValueError(f"engine.wait is {self.wait!r}: must be a number of seconds above 0, or null")
         check_workers(self.workers)
         check_limits(self.timeout, self.memory)
 
@@ -83,7 +100,8 @@ class Dask:
         Raises
         ------
         OSError
-            If the scheduler cannot be reached.
+            If the scheduler cannot be reached, or the cluster refuses to start any worker. `wait` of the session
+            raises it if no worker comes within the time ``wait``.
         """
         logging.getLogger("distributed").setLevel(logging.WARNING)  # not a line for each worker that joins or leaves
         name = f"studies-{uuid.uuid4().hex}"
@@ -92,7 +110,7 @@ class Dask:
             plugin = _IsolationPlugin(sys.path, pickle.dumps(function), self.timeout, self.memory)
             client.register_plugin(plugin, name=name)
             stack.callback(client.unregister_worker_plugin, name)
-            session = _DaskSession(client, name, self.workers or 1, self.address or "the cluster")
+            session = _DaskSession(client, name, self.workers or 1, self.address or "the cluster", self.wait)
             self._sessions.append(session)
             stack.callback(self._sessions.remove, session)
             yield session
@@ -103,19 +121,78 @@ class Dask:
 
     def _client(self, stack: ExitStack) -> distributed.Client:
         if self.cluster is None:
-            return distributed.Client(self.address, set_as_default=False)
-        cluster = stack.enter_context(hydra.utils.instantiate(self.cluster, _convert_="all"))
-        if self.workers:
-            cluster.scale(self.workers)
+            try:
+                return distributed.Client(self.address, set_as_default=False)
+            except ValueError as error:
+                raise ValueError(f"engine.address is {self.address!r}: {error}") from error
+        with _quiet("asyncio", "tornado.application"):  # they log the traceback of every worker that is refused
+            cluster = stack.enter_context(_start_cluster(self.cluster))
+            if self.workers:
+                cluster.scale(self.workers)
+            if isinstance(cluster, distributed.SpecCluster):
+                _check_started(cluster)
         return distributed.Client(cluster, set_as_default=False)
 
 
+@contextmanager
+def _quiet(*loggers: str) -> Iterator[None]:
+    """No messages of these loggers while the block runs."""
+    levels = {name: logging.getLogger(name).level for name in loggers}
+    for name in loggers:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
+
+
+def _start_cluster(options: Mapping[str, Any]) -> Any:
+    """A cluster, as a context manager."""
+    cluster = construct("engine.cluster", options, ValueError)
+    if isinstance(cluster, partial):  # of a function
+        cluster = cluster()
+    if not isinstance(cluster, distributed.deploy.Cluster):
+        raise ValueError(f"engine.cluster._target_={options['_target_']} is not a cluster of dask")
+    return cluster
+
+
+def _check_started(cluster: distributed.SpecCluster) -> None:
+    """Raise if the cluster has no workers, or none of them could be started; print if some could not."""
+
+    async def start_again() -> list[BaseException | Any]:
+        with contextlib.suppress(Exception):  # it raises for the first worker that could not be started
+            await cluster
+        workers = list(cluster.workers.values())
+        # What has been started answers at once; what could not be is tried again, and tells why.
+        outcomes = await asyncio.gather(*workers, return_exceptions=True)
+        for worker, outcome in zip(workers, outcomes, strict=True):
+            if isinstance(outcome, BaseException):
+                worker.status = distributed.Status.failed  # or the cluster could not be closed
+        return outcomes
+
+    if not cluster.worker_spec:
+        raise ValueError("engine.workers is required: the cluster starts no worker by itself; engine.workers=N")
+    outcomes = cluster.sync(start_again)
+    refused = [outcome for outcome in outcomes if isinstance(outcome, BaseException)]
+    if refused:
+        message = f"{len(refused)} of {len(outcomes)} workers of the cluster could not be started: {reason(refused[0])}"
+        if len(refused) == len(outcomes):
+            raise OSError(message)
+        print(message, file=sys.stderr, flush=True)
+
+
 class _DaskSession:
-    def __init__(self, client: distributed.Client, plugin: str, n_expected: int, scheduler: str) -> None:
+    def __init__(
+        self, client: distributed.Client, plugin: str, n_expected: int, scheduler: str, limit: float | None
+    ) -> None:
         self._client = client
         self._plugin = plugin
         self._n_expected = n_expected
         self._scheduler = scheduler
+        self._limit = limit
+        self._alone_since: float | None = None  # when it was first seen that there is no worker
+        self._notice_at = 0.0  # how many seconds later a line says so
         self._pending: dict[distributed.Future, Any] = {}
 
     @property
@@ -132,11 +209,37 @@ class _DaskSession:
         finished: list[distributed.Future] = []
         while self._pending and not finished:
             with self._client.as_current(), contextlib.suppress(TimeoutError):
-                distributed.wait(list(self._pending), timeout=REFILL_SECONDS, return_when="FIRST_COMPLETED")
+                seconds = min(REFILL_SECONDS, self._limit or REFILL_SECONDS)
+                distributed.wait(list(self._pending), timeout=seconds, return_when="FIRST_COMPLETED")
             finished = [future for future in self._pending if future.done()]
+            self._check_workers()
             if self.has_room():
                 break
         return [(self._pending.pop(future), self._outcome(future)) for future in finished]
+
+    def _check_workers(self) -> None:
+        """Say that workers are awaited if there are none; TimeoutError if that takes too long."""
+        if self._client.nthreads():
+            self._alone_since = None
+            self._notice_at = 0.0
+            return
+        now = time.monotonic()
+        if self._alone_since is None:
+            self._alone_since = now
+        waited = now - self._alone_since
+        if self._limit is not None and waited >= self._limit:
+            raise TimeoutError(
+                f"no worker of {self._scheduler} has come within engine.wait={self._limit:g} seconds; the rows before "
+                "are stored, and the same command continues from there"
+            )
+        if waited >= self._notice_at:
+            self._notice_at = waited + NOTICE_SECONDS
+            limit = "without end (engine.wait=SECONDS limits it)" if self._limit is None else f"{self._limit:g} seconds"
+            print(
+                f"waiting for workers of {self._scheduler}, {waited:.0f} seconds so far, {limit}",
+                file=sys.stderr,
+                flush=True,
+            )
 
     def active(self) -> list[Any]:
         keys = {key for keys in self._client.processing().values() for key in keys}

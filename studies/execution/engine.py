@@ -10,6 +10,8 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
+from studies.execution.interruption import is_ctrl_c, reason
+
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 
@@ -124,8 +126,10 @@ def _apply(numbered: tuple[int, Callable[[Any], Any], Any]) -> Any:
     _, function, task = numbered
     try:
         return function(task)
-    except Exception as error:
-        return TaskFailure("failed", " ".join(f"{type(error).__name__}: {error}".split()))
+    except BaseException as error:
+        if is_ctrl_c(error):
+            raise
+        return TaskFailure("failed", reason(error))
 
 
 def check_limits(timeout: float | None, memory: int | str | None) -> None:

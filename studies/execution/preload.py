@@ -28,6 +28,7 @@ NEEDED = (
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is left to the head process
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ[_variable] = "1"
+os.environ["MPLBACKEND"] = "Agg"  # workers show nothing
 for _module in NEEDED:
     with contextlib.suppress(Exception):  # this only saves time: a task that needs the module reports the error
         import_module(_module)

@@ -10,7 +10,8 @@ from typing import Any
 
 from studies.datasets.in_memory import embed_models
 from studies.execution.engine import Engine, TaskFailure
-from studies.planning.trial import Trial, failed_row, reason, run_trial
+from studies.execution.interruption import is_ctrl_c, reason
+from studies.planning.trial import Trial, failed_row, run_trial
 
 Row = dict[str, Any]
 
@@ -42,7 +43,9 @@ class Preparation:
         try:
             # Pickled here, once, and not by the head process for every trial.
             pickled = pickle.dumps(self.trial.prepare(), pickle.HIGHEST_PROTOCOL)
-        except Exception as error:
+        except BaseException as error:
+            if is_ctrl_c(error):
+                raise
             return TaskFailure("failed", reason(error))
         return Prepared(pickled, time.perf_counter() - start)
 

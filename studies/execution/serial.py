@@ -5,6 +5,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from studies.execution.interruption import watch_ctrl_c
+
 
 @dataclass(frozen=True)
 class Serial:
@@ -29,8 +31,8 @@ class Serial:
     """
 
     remote: ClassVar[bool] = False
-    timeout: None = None
-    memory: None = None
+    timeout: float | None = None
+    memory: int | str | None = None
     _active: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -52,7 +54,8 @@ class Serial:
     def open(self, function: Callable[[Any], Any]) -> Iterator["_SerialSession"]:
         """A session that applies ``function`` to tasks in this process; see `studies.execution.Engine`."""
         try:
-            yield _SerialSession(function, self._active)
+            with watch_ctrl_c() as was_pressed:
+                yield _SerialSession(function, self._active, was_pressed)
         finally:
             self._active.clear()
 
@@ -64,9 +67,12 @@ class Serial:
 class _SerialSession:
     """Executes a submitted task when it is waited for."""
 
-    def __init__(self, function: Callable[[Any], Any], active: list[Any]) -> None:
+    def __init__(
+        self, function: Callable[[Any], Any], active: list[Any], ctrl_c_was_pressed: Callable[[], bool]
+    ) -> None:
         self._function = function
         self._active = active
+        self._ctrl_c_was_pressed = ctrl_c_was_pressed
         self._submitted: list[Any] = []
 
     @property
@@ -85,5 +91,7 @@ class _SerialSession:
         task = self._submitted.pop(0)
         self._active[:] = [task]
         outcome = self._function(task)
+        if self._ctrl_c_was_pressed():  # and the function has caught it
+            raise KeyboardInterrupt
         self._active.clear()
         return [(task, outcome)]

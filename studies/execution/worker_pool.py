@@ -26,6 +26,7 @@ import psutil
 import threadpoolctl
 
 from studies.execution.engine import TaskFailure, parse_bytes
+from studies.execution.interruption import reason
 from studies.execution.process_tree import find_families, kill_processes, resident_memory, split_supervised
 
 # Workers are forked, from a process that has imported what they need; not from this process, because a fork inherits
@@ -323,7 +324,7 @@ def _serve(pipe: Connection, function: bytes) -> None:
         while True:
             task = pipe.recv_bytes()
             if not is_prepared:
-                with contextlib.suppress(Exception):  # for the imports; an error is raised again below
+                with contextlib.suppress(BaseException):  # for the imports; an error is raised again below
                     pickle.loads(function), pickle.loads(task)
                 is_prepared = True
             pipe.send_bytes(_STARTED)
@@ -331,11 +332,13 @@ def _serve(pipe: Connection, function: bytes) -> None:
 
 
 def _answer(function: bytes, task: bytes) -> bytes:
-    """(True, result) or (False, exception), pickled."""
+    """(True, result) or (False, exception), pickled. What is not an `Exception`, such as SystemExit, is a failure."""
     try:
         return pickle.dumps((True, pickle.loads(function)(pickle.loads(task))), pickle.HIGHEST_PROTOCOL)
     except Exception as error:
         return _pickled_error(error)
+    except BaseException as error:  # Ctrl-C is ignored here, so that none of them is the user's
+        return pickle.dumps((True, TaskFailure("failed", reason(error))))
 
 
 def _pickled_error(error: Exception) -> bytes:
@@ -343,8 +346,8 @@ def _pickled_error(error: Exception) -> bytes:
         pickled = pickle.dumps((False, error))
         pickle.loads(pickled)  # some exceptions can be pickled and not unpickled
         return pickled
-    except Exception:
-        return pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
+    except BaseException:
+        return pickle.dumps((False, RuntimeError(reason(error))))
 
 
 def _prepare_process() -> None:

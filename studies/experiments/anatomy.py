@@ -8,7 +8,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from studies.columns import Column, Table
-from studies.experiments.experiment import FAILURES, MODELS, PUBLISHED, SEGMENTER, Experiment, by_segmenter, frame_of
+from studies.experiments.experiment import (
+    FAILURES,
+    MODELS,
+    PUBLISHED,
+    SEGMENTER,
+    Experiment,
+    by_segmenter,
+    check_plates,
+    frame_of,
+)
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, fingerprint
 from studies.planning.trial import Trial
@@ -86,6 +95,14 @@ class Anatomy(Experiment):
         "percent. Dissipating: the share of points in the dissipator region. Intervals: bootstrap over models."
     )
 
+    def __post_init__(self) -> None:
+        from studies.figures.method_figures import PLATES
+
+        check_plates(self.plates)
+        for stem, plate in self.plates.items():
+            if plate.get("shows") not in PLATES:
+                raise StudyError(f"plates.{stem}.shows is {plate.get('shows')!r}: choose one of {', '.join(PLATES)}")
+
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
         """One trial per model and segmenter."""
         for segmenter in segmenters:
@@ -137,14 +154,12 @@ class Anatomy(Experiment):
         self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
     ) -> Iterable[Picture]:
         """The plates."""
-        from studies.figures.method_figures import PLATES, AnatomyPlate
+        from studies.figures.method_figures import AnatomyPlate
 
         good = set(rows.loc[rows["status"] == "ok", "trial_id"])
         by_name = {trial.model.name: trial for trial in reversed(trials) if trial.trial_id in good}
         by_name = dict(reversed(by_name.items()))
         for stem, plate in self.plates.items():
-            if plate["shows"] not in PLATES:
-                raise StudyError(f"plates.{stem}.shows is {plate['shows']!r}: choose one of {', '.join(PLATES)}")
             names = _shown_models(plate.get("models"), by_name)
             if names:
                 yield AnatomyPlate(stem, plate["shows"], [by_name[name] for name in names])

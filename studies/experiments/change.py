@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,6 +31,7 @@ from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, digest_of_code, fingerprint
 from studies.planning.targets import construct, locate
 from studies.planning.trial import COLUMNS, Trial
+from studies.planning.types import expectation, has_type, wrong_types
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_of_mean, model_mean
 
@@ -189,26 +191,19 @@ class Part:
         """Each level with the perturbation at that level; ``name`` is for error messages."""
         if not isinstance(self.perturbation, Mapping) or "_target_" not in self.perturbation:
             raise StudyError(f"the study {name!r} has no perturbation: perturbation=NAME, or perturbation._target_=…")
+        for option, annotation in (("swept", str), ("axis", str), ("title", str)):
+            if not isinstance(getattr(self, option), annotation):
+                raise StudyError(f"{name}: {option} is {getattr(self, option)!r}: it must be {expectation(annotation)}")
         kind = locate("perturbation", self.perturbation["_target_"], StudyError)
+        for option, expected in wrong_types(kind, self.perturbation).items():
+            raise StudyError(f"{name}: perturbation.{option} is {self.perturbation[option]!r}: it must be {expected}")
         fields = [field.name for field in dataclasses.fields(kind)] if dataclasses.is_dataclass(kind) else []
         if self.swept not in fields:
             raise StudyError(f"{name}: swept is {self.swept!r}: it must be one of {', '.join(fields)}")
         return [
             (float(level), construct("perturbation", {**self.perturbation, self.swept: level}, StudyError))
-            for level in self._checked_levels(name)
+            for level in _checked_levels(name, self.levels)
         ]
-
-    def _checked_levels(self, name: str) -> Sequence[float]:
-        if not isinstance(self.levels, Sequence) or isinstance(self.levels, str):
-            raise StudyError(f"{name}: levels is {self.levels!r}: it must be a list, as in 'levels=[0.1,0.2]'")
-        if not self.levels:
-            raise StudyError(f"{name}: levels is empty: give at least one, as in 'levels=[0.1,0.2]'")
-        for level in self.levels:
-            if isinstance(level, bool) or not isinstance(level, int | float):
-                raise StudyError(f"{name}: levels contains {level!r}, which is not a number")
-        if len(set(self.levels)) < len(self.levels):
-            raise StudyError(f"{name}: levels contains a value twice: {list(self.levels)}")
-        return self.levels
 
     def unit_of(self, perturbation: perturb.Perturbation) -> str:
         """Unit of the levels: the field ``unit`` for ``amount``, ``height_unit`` for ``height``."""
@@ -221,6 +216,22 @@ class Part:
             return {**options, "code": digest_of_code(type(perturbation))}
         # The first version is not recorded: trials had been stored before there were others.
         return options if perturbation.version == 1 else {**options, "version": perturbation.version}
+
+
+def _checked_levels(name: str, levels: Any) -> Sequence[float]:
+    """The levels of the part ``name``."""
+    if not isinstance(levels, Sequence) or isinstance(levels, str):
+        raise StudyError(f"{name}: levels is {levels!r}: it must be a list, as in 'levels=[0.1,0.2]'")
+    if not levels:
+        raise StudyError(f"{name}: levels is empty: give at least one, as in 'levels=[0.1,0.2]'")
+    for level in levels:
+        if not has_type(level, float):
+            raise StudyError(f"{name}: levels contains {level!r}, which is not a number")
+        if not math.isfinite(level):
+            raise StudyError(f"{name}: levels contains {level!r}, which is not finite")
+    if len(set(levels)) < len(levels):
+        raise StudyError(f"{name}: levels contains a value twice: {list(levels)}")
+    return levels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -266,6 +277,10 @@ class Change(Experiment):
     parts: Mapping[str, Mapping[str, Any]] | None = None
     repeats: int = 3
     gallery: Mapping[str, Any] | Gallery | None = field(default_factory=Gallery)
+
+    def __post_init__(self) -> None:
+        if not self.parts and self.perturbation is not None:
+            _checked_levels("levels" if not self.title else self.title, self.levels)
 
     columns: ClassVar[tuple[Column, ...]] = metrics.columns()
     notes: ClassVar[str] = (
@@ -379,7 +394,14 @@ class Change(Experiment):
         from studies.figures.gallery import STYLES
 
         options = self.gallery
-        gallery = options if isinstance(options, Gallery) else Gallery(**(options or {"models": 0}))
+        if isinstance(options, Gallery):
+            gallery = options
+        else:
+            target = {"_target_": f"{__name__}.Gallery"}
+            gallery = construct("gallery", target | dict(options or {"models": 0}), StudyError)
+        if isinstance(gallery.models, int) and gallery.models < 0:
+            raise StudyError(f"gallery.models is {gallery.models}: it must be a whole number, or a list of names")
+        require_whole_number("gallery.columns", gallery.columns)
         if gallery.style not in STYLES:
             raise StudyError(f"gallery.style is {gallery.style!r}: choose one of {', '.join(STYLES)}")
         return gallery
@@ -388,7 +410,7 @@ class Change(Experiment):
 def _part(name: str, options: Mapping[str, Any]) -> Part:
     """A part from its options, of which some belong to the study that they were taken from."""
     fields = {field.name for field in dataclasses.fields(Part)}
-    if "perturbation" not in options or "levels" not in options:
+    if not isinstance(options, Mapping) or "perturbation" not in options or "levels" not in options:
         raise StudyError(f"parts.{name} needs a perturbation and levels")
     return Part(**{key: value for key, value in options.items() if key in fields})
 

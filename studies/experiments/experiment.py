@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from studies import planning
 from studies.columns import Column, Table, dtypes
 from studies.planning.errors import StudyError
+from studies.planning.names import check_name
 from studies.planning.trial import Trial
+from studies.planning.types import has_type
 
 if TYPE_CHECKING:
     import numpy as np
@@ -129,4 +131,23 @@ def require_whole_number(name: str, value: Any) -> int:
     return value
 
 
-__all__ = ["Experiment", "by_segmenter", "dtypes", "frame_of", "require_whole_number", "row_columns"]
+def check_plates(plates: Any) -> None:
+    """Check the options of pictures, by file stem: what they have in common.
+
+    Raises
+    ------
+    StudyError
+        If one is not a mapping, could not be the name of a file, or its ``models`` are not a list of names.
+    """
+    if not isinstance(plates, Mapping):
+        raise StudyError(f"plates is {plates!r}: it must be a mapping of pictures {{name: {{models: [a,b]}}}}")
+    for stem, plate in plates.items():
+        check_name("plates", stem)
+        if not isinstance(plate, Mapping):
+            raise StudyError(f"plates.{stem} is {plate!r}: it must be a mapping of options")
+        models = plate.get("models")
+        if not (models == "each_category" or has_type(models, Sequence[int | str] | None)):
+            raise StudyError(f"plates.{stem}.models is {models!r}: it must be a list [a,b]")
+
+
+__all__ = ["Experiment", "by_segmenter", "check_plates", "dtypes", "frame_of", "require_whole_number", "row_columns"]

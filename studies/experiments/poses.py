@@ -13,11 +13,20 @@ import numpy as np
 from studies import metrics
 from studies.columns import Column, Table
 from studies.datasets import Model
-from studies.experiments.experiment import FAILURES, SEGMENTER, Experiment, by_segmenter, frame_of
+from studies.execution.interruption import is_ctrl_c, reason
+from studies.experiments.experiment import (
+    FAILURES,
+    SEGMENTER,
+    Experiment,
+    by_segmenter,
+    check_plates,
+    frame_of,
+    require_whole_number,
+)
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, fingerprint
-from studies.planning.trial import Trial, reason
+from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_over_pairs
 
@@ -70,7 +79,9 @@ class PoseTrial(Trial):
         for model in self.poses:
             try:
                 poses[model.name] = self._segment(model)
-            except Exception as error:
+            except BaseException as error:
+                if is_ctrl_c(error):
+                    raise
                 poses[model.name] = reason(error)
         return poses
 
@@ -121,6 +132,14 @@ class Poses(Experiment):
 
     plates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     columns_shown: int = 6
+
+    def __post_init__(self) -> None:
+        check_plates(self.plates)
+        for stem, plate in self.plates.items():
+            upright = plate.get("upright", 1)
+            if isinstance(upright, bool) or upright not in (1, 2):
+                raise StudyError(f"plates.{stem}.upright is {upright!r}: it must be 1 (y) or 2 (z)")
+        require_whole_number("gallery.columns", self.columns_shown)
 
     columns: ClassVar[tuple[Column, ...]] = (
         *metrics.columns(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -18,13 +19,16 @@ from studies.experiments.experiment import (
     SEGMENTER,
     Experiment,
     by_segmenter,
+    check_plates,
     frame_of,
     require_whole_number,
 )
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, fingerprint
+from studies.planning.names import check_name
 from studies.planning.trial import Trial
+from studies.planning.types import has_type
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_of_mean
 
@@ -105,6 +109,19 @@ class Times(Experiment):
     seed: int = 0
     plate: Mapping[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        self._all_times()
+        if not has_type(self.seed, int) or self.seed < 0:
+            raise StudyError(f"seed is {self.seed!r}: it must be a whole number of at least 0")
+        if self.plate:
+            check_plates({"figure15": self.plate})
+            check_name("figure15.stem", self.plate.get("stem"))
+            times: Any = self.plate.get("times")
+            if not has_type(times, Sequence[float]) or not all(0 < time < math.inf for time in times):
+                raise StudyError(f"figure15.times is {times!r}: it must be a list of times above 0")
+            if not has_type(self.plate.get("models"), Sequence[int | str]):
+                raise StudyError(f"figure15.models is {self.plate.get('models')!r}: it must be a list [a,b]")
+
     columns: ClassVar[tuple[Column, ...]] = (
         *metrics.columns(),
         Column(name="n_large_segments", dtype="Int64", help="Segments of at least 1 % of the vertices."),
@@ -156,9 +173,11 @@ class Times(Experiment):
 
     def _all_times(self) -> tuple[float, ...]:
         """The times of the study, and the ends of its intervals, ascending."""
+        if not isinstance(self.times, Mapping) or self.times.keys() != {"first", "last", "count"}:
+            raise StudyError(f"times is {self.times!r}: it must be a mapping {{first: …, last: …, count: …}}")
         first, last = self.times["first"], self.times["last"]
         count = require_whole_number("times.count", self.times["count"])
-        if not 0 < first < last:
+        if not (has_type([first, last], Sequence[float]) and 0 < first < last < math.inf):
             raise StudyError(f"times.first={first} and times.last={last}: give two times with 0 < first < last")
         ends = [float(end) for interval in self._pairs() for end in interval]
         # Rounded, so that a time is the same number on every machine and in its row.
@@ -166,8 +185,11 @@ class Times(Experiment):
 
     def _pairs(self) -> list[tuple[float, float]]:
         """The intervals, checked."""
+        if not has_type(self.intervals, Sequence[Any]):
+            raise StudyError(f"intervals is {self.intervals!r}: it must be a list, as in 'intervals=[[0.6,2.7]]'")
         for interval in self.intervals:
-            if not isinstance(interval, Sequence) or len(interval) != 2 or not 0 < interval[0] < interval[1]:
+            is_pair = has_type(interval, tuple[float, float])
+            if not (is_pair and 0 < interval[0] < interval[1] < math.inf):
                 raise StudyError(f"intervals contains {interval!r}: each must be two times [first, last], first < last")
         return [(float(low), float(high)) for low, high in self.intervals]
 

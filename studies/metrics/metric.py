@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from studies.columns import Column
+
+# What the columns of these pandas dtypes hold, apart from missing values.
+_KINDS: dict[str, type] = {"float64": Real, "int64": Integral, "string": str}
 
 
 class TriangleMesh(Protocol):
@@ -94,7 +99,27 @@ class Metric:
     needs_mesh: bool = False
 
     def __call__(self, comparison: Comparison) -> Any:
-        """The value for a comparison; None, a missing value, if it needs a mesh and has none."""
+        """The value for a comparison; None, a missing value, if it needs a mesh and has none.
+
+        Raises
+        ------
+        TypeError
+            If the function returns a value that the column cannot hold.
+        """
         if self.needs_mesh and comparison.mesh is None:
             return None
-        return self.function(comparison)
+        value = self.function(comparison)
+        if not _fits(value, self.column.dtype):
+            raise TypeError(
+                f"the metric {self.column.name} returned {reprlib.repr(value)}, which is no {self.column.dtype}"
+            )
+        return value
+
+
+def _fits(value: Any, dtype: str) -> bool:
+    """Whether a column of a pandas dtype can hold a value."""
+    if value is None or dtype.lower() not in _KINDS:
+        return True
+    if isinstance(value, Integral):
+        return abs(int(value)) < 2**63 and dtype != "string"
+    return isinstance(value, _KINDS[dtype.lower()])

@@ -2,41 +2,129 @@
 
 from __future__ import annotations
 
+import glob
+import os
 import re
 from collections.abc import Sequence
 from contextlib import suppress
 
 from hydra import compose, initialize_config_module
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import QuotedString
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
+
+from studies.planning.errors import StudyError
+from studies.planning.names import folder_name
 
 # Swept options that already have a folder of their own in results_dir.
 OWN_FOLDER = ("study", "dataset")
 
+# Options whose values are taken as they are typed, whatever characters they have.
+TEXT_OPTIONS = ("segmenter.command", "dataset.glob", "dataset.root", "results_dir")
+SWEPT_PATHS = ("dataset.glob", "dataset.root")  # those of which a sweep may have several, separated by commas
 
-def quote_command(argument: str) -> str:
-    """An argument with its value in quotes, if it is ``segmenter.command=`` with an unquoted value.
+# Options that choose a configuration by name.
+CHOICES = ("study", "experiment", "dataset", "segmenter", "engine", "perturbation")
+
+# Flags of Hydra that are followed by a value.
+FLAGS_WITH_VALUE = (
+    "--cfg", "-c", "--package", "-p", "--config-path", "-cp", "--config-name", "-cn", "--config-dir", "-cd",
+    "--experimental-rerun",
+)  # fmt: skip
+
+
+def quote_argument(argument: str, is_sweep: bool = False) -> str:
+    """An argument with its value in quotes, if it is a path or a command that Hydra would not read as it is typed.
 
     A shell turns ``segmenter.command='mytool {mesh} {labels}'`` into ``segmenter.command=mytool {mesh} {labels}``, in
-    which Hydra would parse the braces. Any other argument, and quoted values, stay as they are.
+    which Hydra would parse the braces; and ``dataset.root='My Meshes (2)'`` into what Hydra refuses. Any other
+    argument, quoted values, and interpolations such as ``${oc.env:DATA}`` stay as they are.
 
     Parameters
     ----------
     argument : str
         an element of ``sys.argv``
+    is_sweep : bool
+        whether commas separate the values of a sweep, unless the whole value is the name of a file or folder
 
     Examples
     --------
-    >>> quote_command("segmenter.command=mytool {mesh} {labels}")
+    >>> quote_argument("segmenter.command=mytool {mesh} {labels}")
     "segmenter.command='mytool {mesh} {labels}'"
+    >>> quote_argument("dataset.glob=my meshes/[ab]*.off"), quote_argument("dataset.glob=meshes/*.off")
+    ("dataset.glob='my meshes/[ab]*.off'", 'dataset.glob=meshes/*.off')
     """
-    key, _, command = argument.partition("=")
-    if key != "segmenter.command" or re.fullmatch(r"""(['"]).*\1""", command) or command in ("", "???"):
+    key, _, value = argument.partition("=")
+    option = key.lstrip("+")
+    if option not in TEXT_OPTIONS or value in ("", "null", "???") or "${" in value:
         return argument
+    if re.fullmatch(r"""(['"]).*\1""", value, re.DOTALL):
+        return argument
+    if is_sweep and option in SWEPT_PATHS and not _is_there(value):
+        return f"{key}={','.join(map(_quoted, value.split(',')))}"
+    return f"{key}={_quoted(value)}"
+
+
+def _is_there(pattern: str) -> bool:
+    """Whether a path or pattern is that of a file or folder."""
+    expanded = os.path.expanduser(pattern)
+    return os.path.exists(expanded) or any(glob.iglob(expanded, recursive=True))
+
+
+def _quoted(value: str) -> str:
+    """A value that Hydra reads as it is, in quotes if it has to."""
+    if re.fullmatch(r"[A-Za-z0-9_./*?-]*", value):
+        with suppress(HydraException):
+            if OverridesParser.create().parse_override(f"key={value}").value() == value:
+                return value
     # In Hydra's quoted strings a backslash stands for itself, except before a quote, which it escapes.
-    escaped = re.sub(r"(\\*)('|$)", lambda found: found[1] * 2 + found[2].replace("'", r"\'"), command)
-    return f"{key}='{escaped}'"
+    escaped = re.sub(r"(\\*)('|$)", lambda found: found[1] * 2 + found[2].replace("'", r"\'"), value)
+    return f"'{escaped}'"
+
+
+def check_groups(arguments: Sequence[str]) -> None:
+    """Refuse a choice such as ``dataset=null``, for which Hydra has no words.
+
+    Raises
+    ------
+    StudyError
+        If what is chosen of a group is not a name.
+    """
+    for argument in arguments:
+        key, is_set, value = argument.partition("=")
+        if is_set and key.lstrip("+") in CHOICES and not all(map(_is_name, value.split(","))):
+            raise StudyError(f"{argument}: it must be the name of a {key.lstrip('+')}; see --help")
+
+
+def _is_name(value: str) -> bool:
+    """Whether Hydra reads a value as text."""
+    try:
+        return isinstance(OverridesParser.create().parse_override(f"key={value}").value(), str | QuotedString)
+    except HydraException:
+        return True  # Hydra tells what is wrong with it
+
+
+def flags_last(arguments: Sequence[str]) -> list[str]:
+    """The arguments with all flags after the options, wherever they were: Hydra wants the options in one piece.
+
+    Examples
+    --------
+    >>> flags_last(["+study=holes", "-m", "segmenter.time=1,2", "--cfg", "job"])
+    ['+study=holes', 'segmenter.time=1,2', '-m', '--cfg', 'job']
+    """
+    options: list[str] = []
+    flags: list[str] = []
+    left = list(arguments)
+    while left:
+        argument = left.pop(0)
+        if not argument.startswith("-"):
+            options.append(argument)
+            continue
+        flags.append(argument)
+        if (argument in FLAGS_WITH_VALUE and left) or (argument in ("--info", "-i") and left and left[0].isalpha()):
+            flags.append(left.pop(0))
+    return [*options, *flags]
 
 
 def add_missing_options(arguments: Sequence[str]) -> list[str]:
@@ -66,6 +154,8 @@ def _is_option_of_studies_alone(argument: str, bare: DictConfig, full: Sequence[
 def swept_folder(arguments: Sequence[str], job: Sequence[str]) -> str:
     """The folder of one job of a sweep, named after the options that the sweep varies: ``segmenter.time=0.5``.
 
+    See `studies.planning.names.folder_name` for long values and those with characters that no folder may have.
+
     Parameters
     ----------
     arguments : sequence of str
@@ -77,7 +167,8 @@ def swept_folder(arguments: Sequence[str], job: Sequence[str]) -> str:
     given = parser.parse_overrides([a for a in arguments if "=" in a and a[0] != "-"])
     swept = {o.key_or_group for o in given if o.is_sweep_override()} - set(OWN_FOLDER)
     here = parser.parse_overrides(list(job))
-    return ",".join(f"{o.key_or_group}={o.get_value_element_as_str()}" for o in here if o.key_or_group in swept)
+    name = ",".join(f"{o.key_or_group}={o.get_value_element_as_str()}" for o in here if o.key_or_group in swept)
+    return folder_name(name) if name else ""
 
 
 def option_names(arguments: Sequence[str]) -> list[str]:

@@ -7,15 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import hydra.utils
 from hydra import compose
 from hydra.core.global_hydra import GlobalHydra
-from hydra.errors import HydraException, InstantiationException
-from omegaconf import DictConfig, OmegaConf
+from hydra.errors import HydraException
+from omegaconf import DictConfig, ListConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from studies.datasets import make_dataset
 from studies.planning.errors import StudyError
+from studies.planning.names import check_name
 from studies.planning.targets import check_required, construct
+from studies.planning.types import expectation, has_type
 
 if TYPE_CHECKING:
     from studies.datasets import Dataset
@@ -26,6 +28,20 @@ if TYPE_CHECKING:
     from studies.segmenters import Segmenter
 
 ON_ERROR = ("continue", "stop")
+
+# Options that are groups of options.
+GROUPS = ("study", "experiment", "dataset", "segmenter", "engine", "trial", "gallery")
+
+# Options that belong to no class, with their types.
+GENERAL_OPTIONS: dict[str, Any] = {
+    "results_dir": str,
+    "title": str,
+    "publication": str | None,
+    "on_error": str,
+    "retry_failed": bool,
+    "fresh": bool,
+    "dry_run": bool,
+}
 
 # Options that say where things are and who works, not what is computed.
 INCIDENTAL = ("results_dir", "dataset.root", "engine", "trial", "gallery")
@@ -100,36 +116,58 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
     StudyError
         if the configuration is not a study; other ValueErrors come from the parts that refuse their options
     """
+    try:
+        return _configure(cfg, overrides, subfolder)
+    except OmegaConfBaseException as error:  # such as an option that refers to one that is not there
+        raise StudyError(" ".join(str(error).split())) from error
+
+
+def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Study:
     from studies.reporting.publication import Publication
 
-    if "study" not in cfg:
-        raise StudyError(f"no study is given; type +study=NAME, NAME one of {', '.join(study_names())}")
-    if OmegaConf.is_missing(cfg.study, "name"):
-        raise StudyError("study.name is required: study.name=NAME, under which the results are filed")
-    if cfg.on_error not in ON_ERROR:
-        raise StudyError(f"on_error is {cfg.on_error!r}: it must be one of {', '.join(ON_ERROR)}")
+    _check_general_options(cfg)
+    name = check_name("study.name", cfg.study.name)
     engine = _engine(_options(cfg, "engine"))
     if not cfg.dry_run:
         engine.warm_up()  # worker processes import what they need while this process plans
-    dataset = make_dataset(OmegaConf.to_container(cfg.dataset, resolve=True))  # type: ignore[arg-type]
-    results_dir = Path(str(cfg.results_dir)).expanduser()
+    dataset = make_dataset(_options(cfg, "dataset"))
+    results_dir = Path(cfg.results_dir).expanduser()
     return Study(
-        name=str(cfg.study.name),
-        title=str(cfg.title),
+        name=name,
+        title=cfg.title,
         experiment=_experiment(_options(cfg, "experiment")),
         dataset=dataset,
         segmenters=_segmenters(cfg, overrides),
         engine=engine,
         results_dir=results_dir,
-        folder=results_dir / str(cfg.study.name) / dataset.name / subfolder,
+        folder=results_dir / name / dataset.name / subfolder,
         on_error=cfg.on_error,
-        retry_failed=bool(cfg.retry_failed),
-        fresh=bool(cfg.fresh),
-        dry_run=bool(cfg.dry_run),
+        retry_failed=cfg.retry_failed,
+        fresh=cfg.fresh,
+        dry_run=cfg.dry_run,
         publication=Publication.load(cfg.publication) if cfg.publication else None,
         record=_record(cfg),
         command=command_of(overrides),
     )
+
+
+def _check_general_options(cfg: DictConfig) -> None:
+    """Check the options that belong to no class."""
+    if "study" not in cfg:
+        raise StudyError(f"no study is given; type +study=NAME, NAME one of {', '.join(study_names())}")
+    for group in GROUPS:
+        if not isinstance(OmegaConf.to_container(cfg, resolve=False).get(group), dict):  # type: ignore[union-attr]
+            raise StudyError(f"{group} is {cfg.get(group)!r}: it must be a mapping of options; see --help")
+    if "name" not in cfg.study or OmegaConf.is_missing(cfg.study, "name"):
+        raise StudyError("study.name is required: study.name=NAME, under which the results are filed")
+    for option, annotation in GENERAL_OPTIONS.items():
+        value = OmegaConf.select(cfg, option)
+        if not has_type(value, annotation):
+            raise StudyError(f"{option} is {value!r}: it must be {expectation(annotation)}")
+    if not cfg.results_dir:
+        raise StudyError("results_dir is empty: results_dir=PATH, the folder of all results")
+    if cfg.on_error not in ON_ERROR:
+        raise StudyError(f"on_error is {cfg.on_error!r}: it must be one of {', '.join(ON_ERROR)}")
 
 
 def study_names() -> list[str]:
@@ -162,11 +200,8 @@ def _experiment(options: Mapping[str, Any]) -> Experiment:
 
 
 def _engine(options: Mapping[str, Any]) -> Engine:
-    """The engine. By Hydra, because a cluster in its options is started later, by the engine itself."""
-    try:
-        return hydra.utils.instantiate({"_convert_": "all", **options})
-    except InstantiationException as error:
-        raise StudyError(" ".join(str(error.__cause__ or error).split())) from error
+    check_required("engine", options, {"_target_": "my_package.MyEngine"}, StudyError)
+    return construct("engine", options, StudyError)
 
 
 def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, ...]:
@@ -177,7 +212,7 @@ def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, .
     if cfg.get("segmenters") is None:
         return (make_segmenter(single),)
     names = cfg.segmenters
-    if isinstance(names, str) or not names:
+    if not isinstance(names, ListConfig) or not names:
         raise StudyError(
             f"segmenters is {names!r}: it must be a list, as in 'segmenters=[heat_walk,my_package.method]'"
         )

@@ -10,6 +10,9 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
+from studies.execution.interruption import is_ctrl_c, reason
+from studies.planning.types import wrong_types
+
 REQUIRED = "???"  # the value of an option that has no default
 
 # Keys that are not options. Hydra's ``_convert_`` has no effect: lists and mappings are plain Python objects anyway.
@@ -45,7 +48,7 @@ def check_required(
             raise error(f"{group}.{key} is required: {group}.{key}={quoted}")
 
 
-def locate(group: str, name: str, error: type[ValueError]) -> Callable[..., Any]:
+def locate(group: str, name: Any, error: type[ValueError]) -> Callable[..., Any]:
     """The class or function with a dotted name. Modules are looked for in the current folder last.
 
     Parameters
@@ -71,13 +74,17 @@ def locate(group: str, name: str, error: type[ValueError]) -> Callable[..., Any]
     >>> locate("segmenter", "collections.Counter", ValueError)
     <class 'collections.Counter'>
     """
+    if not isinstance(name, str):
+        raise error(f"{group}._target_ is {name!r}: it must be a dotted name, such as my_package.{group.capitalize()}")
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     try:
         _import_module_of(name)  # what importing it raises says more than that there is no such attribute
         target = pkgutil.resolve_name(name)
-    except Exception as reason:  # whatever importing the user's module raises
-        raise error(f"{group}._target_={name}: {type(reason).__name__}: {reason}") from reason
+    except BaseException as raised:  # whatever importing the user's module raises
+        if is_ctrl_c(raised):
+            raise
+        raise error(f"{group}._target_={name}: {reason(raised)}") from raised
     if not callable(target):
         raise error(f"{group}._target_={name} is a {type(target).__name__} and cannot be called")
     return target
@@ -117,19 +124,41 @@ def construct(group: str, options: Mapping[str, Any], error: type[ValueError]) -
     >>> construct("dataset", {"_target_": "fractions.Fraction", "numerator": 3}, ValueError)
     Fraction(3, 1)
     """
-    name = options["_target_"]
+    name = options.get("_target_")
     target = locate(group, name, error)
     keywords = {key: value for key, value in options.items() if key not in _INSTRUCTIONS}
     if options.get("_recursive_", True):
         keywords = {key: _instantiated(group, value, error) for key, value in keywords.items()}
     if not isinstance(target, type):
         return partial(target, **keywords)
+    wrong = [
+        f"{option_name(group, key)} is {keywords[key]!r}: it must be {expected}"
+        for key, expected in wrong_types(target, keywords).items()
+    ]
     try:
-        return target(**keywords)
-    except ValueError as reason:
-        raise error(str(reason)) from reason
-    except Exception as reason:  # whatever the user's class raises
-        raise error(f"{group}._target_={name}: {type(reason).__name__}: {reason}") from reason
+        constructed = target(**keywords)
+    except ValueError as refused:  # says more than that a type is wrong
+        raise error(" ".join(str(refused).split())) from refused
+    except BaseException as raised:  # whatever the user's class raises
+        if is_ctrl_c(raised):
+            raise
+        raise error(wrong[0] if wrong else f"{group}._target_={name}: {reason(raised)}") from raised
+    if wrong:
+        raise error(wrong[0])
+    return constructed
+
+
+def option_name(group: str, key: str) -> str:
+    """How an option is typed. Those of an experiment are, in the shipped studies, options of the study itself.
+
+    Examples
+    --------
+    >>> option_name("segmenter", "time"), option_name("experiment", "levels"), option_name("engine", "timeout")
+    ('segmenter.time', 'levels', 'trial.timeout')
+    """
+    if group == "experiment":
+        return key
+    return f"trial.{key}" if group == "engine" and key in ("timeout", "memory") else f"{group}.{key}"
 
 
 def _instantiated(group: str, value: Any, error: type[ValueError]) -> Any:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from studies.columns import Column
 from studies.datasets import Model
+from studies.execution.interruption import is_ctrl_c, reason
 
 COLUMNS: tuple[Column, ...] = (
     Column(name="study", dtype="string", help="Name of the study."),
@@ -102,11 +107,31 @@ class Trial(ABC):
 
 
 def run_trial(trial: Trial, prepared: Any) -> dict[str, Any]:
-    """The row of a trial. Whatever exception the trial raises becomes its row."""
+    """The row of a trial. Whatever the trial raises becomes its row, but for the user's Ctrl-C."""
     try:
-        return planned_row(trial) | trial.measure(prepared) | {"status": "ok"}
-    except Exception as error:
+        return planned_row(trial) | _storable(trial.measure(prepared)) | {"status": "ok"}
+    except BaseException as error:
+        if is_ctrl_c(error):
+            raise
         return failed_row(trial, "failed", reason(error))
+
+
+def _storable(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Measured values as JSON represents them: plain numbers for those of NumPy.
+
+    Raises
+    ------
+    TypeError
+        If a value is neither an array nor one that JSON can represent.
+    """
+    plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in values.items()}
+    for name, value in plain.items():
+        if not isinstance(value, np.ndarray):
+            try:
+                json.dumps(value)
+            except (TypeError, ValueError, RecursionError) as error:
+                raise TypeError(f"the value of {name} cannot be stored: {error}") from error
+    return plain
 
 
 def planned_row(trial: Trial) -> dict[str, Any]:
@@ -131,8 +156,3 @@ def planned_row(trial: Trial) -> dict[str, Any]:
 def failed_row(trial: Trial, status: str, error: str) -> dict[str, Any]:
     """The row of a trial without a result."""
     return planned_row(trial) | {"status": status, "error": error}
-
-
-def reason(error: BaseException) -> str:
-    """An exception as one line."""
-    return " ".join(f"{type(error).__name__}: {error}".split())

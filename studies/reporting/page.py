@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from studies import storage
@@ -13,11 +13,14 @@ from studies.reporting.text import markdown_of, markdown_table
 HEADINGS = ("section", "claim", "paper", "ours", "95 % interval", "verdict", "study")
 
 
-def stored_results(results: Path) -> list[Results]:
-    """Every study under ``results`` that has rows, in the order of the publication's sections."""
-    folders = [folder for folder in storage.result_folders(results) if (folder / CONFIG_FILE).exists()]
-    found = [study for study in map(Results.load, folders) if not study.rows.empty]
-    return sorted(found, key=lambda study: (_section_number(study), study.folder.as_posix()))
+def study_folders(results: Path) -> list[Path]:
+    """The folders under ``results`` with the rows and the configuration of a study."""
+    return [folder for folder in storage.result_folders(results) if (folder / CONFIG_FILE).exists()]
+
+
+def sorted_by_section(studies: Iterable[Results]) -> list[Results]:
+    """Studies in the order of the publication's sections."""
+    return sorted(studies, key=lambda study: (_section_number(study), study.folder.as_posix()))
 
 
 def _section_number(study: Results) -> tuple[bool, str]:
@@ -31,7 +34,7 @@ def page(studies: Sequence[Results], root: Path) -> str:
     Parameters
     ----------
     studies : sequence of Results
-        as `stored_results` returns them
+        as `sorted_by_section` returns them
     root : Path
         folder of the page, to which links are relative
     """

@@ -42,11 +42,10 @@ class Publication:
         import yaml
 
         folder = resources.files("conf").joinpath("paper")
-        path = folder.joinpath(f"{name}.yaml")
-        if not path.is_file():
-            known = ", ".join(sorted(file.name.removesuffix(".yaml") for file in folder.iterdir()))
-            raise StudyError(f"publication is {name!r}: it must be null or one of {known}")
-        return cls(yaml.safe_load(path.read_text("utf-8")))
+        known = sorted(file.name.removesuffix(".yaml") for file in folder.iterdir() if file.name.endswith(".yaml"))
+        if name not in known:
+            raise StudyError(f"publication is {name!r}: it must be null or one of {', '.join(known)}")
+        return cls(yaml.safe_load(folder.joinpath(f"{name}.yaml").read_text("utf-8")))
 
     @property
     def citation(self) -> str:

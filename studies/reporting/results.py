@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,14 +15,12 @@ from studies.planning.errors import StudyError
 from studies.reporting.claims import Claim
 from studies.reporting.publication import Publication
 from studies.reporting.text import html_of
+from studies.storage.records import CONFIG_FILE, PROVENANCE_FILE, read_config, read_provenance
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from studies.experiments import Experiment
-
-CONFIG_FILE = "config.yaml"
-PROVENANCE_FILE = "provenance.json"
 
 
 @dataclass(frozen=True)
@@ -74,6 +71,8 @@ class Results:
         folder = Path(folder)
         if not (folder / CONFIG_FILE).exists():
             raise StudyError(f"{folder} has no {CONFIG_FILE}: it does not contain the results of a study")
+        if not (folder / storage.TABLE_FILE).exists() and not (folder / storage.ROWS_FILE).exists():
+            raise StudyError(f"{folder} has neither {storage.TABLE_FILE} nor {storage.ROWS_FILE}: no rows are stored")
         return cls.of_record(folder, read_config(folder), command=_command(folder))
 
     @classmethod
@@ -131,13 +130,6 @@ class Results:
         return html_of(self.title, self.main_table)
 
 
-def read_config(folder: Path) -> dict[str, Any]:
-    """The configuration that is stored with results."""
-    import yaml
-
-    return yaml.safe_load((folder / CONFIG_FILE).read_text("utf-8"))
-
-
 def _experiment(folder: Path, record: Mapping[str, Any]) -> Experiment:
     from studies.planning.configuration import instantiate_experiment
 
@@ -153,4 +145,4 @@ def _experiment(folder: Path, record: Mapping[str, Any]) -> Experiment:
 
 def _command(folder: Path) -> str:
     path = folder / PROVENANCE_FILE
-    return json.loads(path.read_text("utf-8")).get("command", "") if path.exists() else ""
+    return str(read_provenance(folder).get("command", "")) if path.exists() else ""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from studies.execution import TaskFailedError, map_ordered
 from studies.reporting.results import CONFIG_FILE, PROVENANCE_FILE, Results
 from studies.reporting.text import markdown_page, print_table
-from studies.storage import TABLE_FILE, LabelStore, atomic_write
+from studies.storage import TABLE_FILE, LabelStore, atomic_write, encodable
 from studies.storage.provenance import provenance
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def write_tables(results: Results, console: Console) -> None:
         with atomic_write(folder / f"{name}.csv") as path:
             table.frame.to_csv(path, index=False, float_format="%.6g")
     with atomic_write(folder / "table.md") as path:
-        path.write_text(markdown_page(results.title, results.main_table), "utf-8")
+        path.write_text(encodable(markdown_page(results.title, results.main_table)), "utf-8")
     for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
         drawing.save(drawing.draw(chart), folder / f"{stem}.png")
     print_table(results.title, results.main_table, console)
@@ -42,10 +42,19 @@ def write_origin(study: Study, trials: Sequence[Trial]) -> None:
     import yaml
 
     with atomic_write(study.folder / CONFIG_FILE) as path:
-        path.write_text(yaml.safe_dump(dict(study.record), sort_keys=False, allow_unicode=True), "utf-8")
-    meshes = {trial.model.name: trial.mesh_digest for trial in trials}
+        path.write_text(yaml.safe_dump(_encodable(study.record), sort_keys=False, allow_unicode=True), "utf-8")
+    meshes = {encodable(trial.model.name): trial.mesh_digest for trial in trials}
     with atomic_write(study.folder / PROVENANCE_FILE) as path:
-        path.write_text(json.dumps(provenance(meshes, study.command), indent=2) + "\n", "utf-8")
+        path.write_text(json.dumps(provenance(meshes, encodable(study.command)), indent=2) + "\n", "utf-8")
+
+
+def _encodable(value: Any) -> Any:
+    """A configuration whose text can be written to any file."""
+    if isinstance(value, str):
+        return encodable(value)
+    if isinstance(value, Mapping):
+        return {_encodable(key): _encodable(each) for key, each in value.items()}
+    return [_encodable(each) for each in value] if isinstance(value, list) else value
 
 
 def draw_pictures(results: Results, trials: Sequence[Trial], engine: Engine, console: Console) -> None:

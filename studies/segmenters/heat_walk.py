@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import heatwalk
+from heatwalk.segmentation import DENSITIES, TIME_UNITS
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,13 @@ class HeatWalk:
     time_unit: str = "paper"
     density: str = "vertices"
     split_dissipators: bool = False
+
+    def __post_init__(self) -> None:
+        if isinstance(self.time, int | float) and not 0 < self.time < math.inf:
+            raise ValueError(f"segmenter.time is {self.time!r}: it must be above 0 and finite")
+        for option, valid in (("time_unit", TIME_UNITS), ("density", DENSITIES)):
+            if getattr(self, option) not in valid:
+                raise ValueError(f"segmenter.{option} is {getattr(self, option)!r}: choose one of {', '.join(valid)}")
 
     algorithm_version: ClassVar[int] = heatwalk.ALGORITHM_VERSION
 

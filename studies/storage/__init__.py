@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from studies.storage.rows import StoredRows as StoredRows
     from studies.storage.rows import read_rows as read_rows
     from studies.storage.summary import summarize as summarize
+    from studies.storage.text import encodable as encodable
 
 _MODULE_OF = {
     "LOCK_FILE": "folders",
@@ -34,6 +35,7 @@ _MODULE_OF = {
     "StoredRows": "rows",
     "TABLE_FILE": "folders",
     "atomic_write": "atomic",
+    "encodable": "text",
     "find_reusable": "reuse",
     "lock_holder": "locking",
     "planned_ids": "folders",

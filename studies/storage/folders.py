@@ -12,7 +12,7 @@ LOCK_FILE = "trials.lock"  # locked by the process that writes to the folder
 LABELS_FOLDER = "labels"  # arrays of single trials
 
 _BACKUP_SUFFIX = ".before-%Y%m%dT%H%M%S"
-_IS_BACKUP = re.compile(r"\.before-[0-9]{8}T[0-9]{6}$")
+IS_BACKUP = re.compile(r"\.before-[0-9]{8}T[0-9]{6}$")
 
 
 def result_folders(results: Path | str) -> list[Path]:
@@ -25,7 +25,7 @@ def result_folders(results: Path | str) -> list[Path]:
     """
     found = []
     for folder, subfolders, files in os.walk(results):
-        subfolders[:] = [name for name in subfolders if name != LABELS_FOLDER and not _IS_BACKUP.search(name)]
+        subfolders[:] = [name for name in subfolders if name != LABELS_FOLDER and not IS_BACKUP.search(name)]
         if ROWS_FILE in files or TABLE_FILE in files:
             found.append(Path(folder))
     return sorted(found)

@@ -13,13 +13,11 @@ from studies.columns import Column
 from studies.planning.trial import TIMINGS
 from studies.storage.atomic import atomic_write
 from studies.storage.folders import planned_ids, result_folders
+from studies.storage.records import CONFIG_FILE, PROVENANCE_FILE, read_config, read_provenance
 from studies.storage.rows import RowStore, read_rows
 
 if TYPE_CHECKING:
     import pandas as pd
-
-CONFIG_FILE = "config.yaml"
-PROVENANCE_FILE = "provenance.json"
 
 # Options in which two folders may differ: where and how trials run, and which of them. All others determine the
 # trial_ids or the tables.
@@ -80,8 +78,8 @@ def check_folders(first: Path, second: Path, into: Path) -> None:
 
 
 def read_options(folder: Path) -> Options:
-    """The configuration of a results folder, as plain dicts and lists."""
-    return yaml.safe_load((folder / CONFIG_FILE).read_text("utf-8"))
+    """The configuration of a results folder, as plain dicts and lists; StudyError if it is damaged."""
+    return read_config(folder)
 
 
 def merge(
@@ -132,7 +130,12 @@ def merge(
 
 
 def _read_provenance(folder: Path) -> dict[str, Any]:
-    return json.loads((folder / PROVENANCE_FILE).read_text("utf-8"))
+    """The origin of results, with what `merge` needs."""
+    origin = read_provenance(folder)
+    for key, kind in (("algorithm_version", int), ("meshes_sha256", dict)):
+        if not isinstance(origin.get(key), kind):
+            raise MergeError(f"{folder / PROVENANCE_FILE} is not the origin of results: it lacks {key}")
+    return origin
 
 
 def _check_options(a: Options, b: Options, first: Path, second: Path) -> None:

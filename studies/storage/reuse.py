@@ -87,7 +87,7 @@ def _successful_ids_in_table(path: Path) -> set[str] | None:
     """The successful trials of a parquet file; None if it is not the table of a study."""
     try:
         columns = read_table_columns(path, ["trial_id", "status"])
-    except (ValueError, OSError):
+    except Exception:  # whatever a file leads to that a study did not write
         return None
     if columns.keys() != {"trial_id", "status"} or not all(isinstance(i, str) for i in columns["trial_id"]):
         return None

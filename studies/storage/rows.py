@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from studies.columns import Column, dtypes
 from studies.storage.atomic import atomic_write
 from studies.storage.folders import PLAN_FILE, ROWS_FILE, TABLE_FILE, move_to_backup, planned_ids, table_is_current
+from studies.storage.text import encodable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -149,6 +150,7 @@ class RowStore(StoredRows):
         OSError
             If they cannot be written, as on a full disk; none of them is stored then.
         """
+        rows = tuple(_encodable(row) for row in rows)
         self._append("".join(json.dumps(row) + "\n" for row in rows).encode())
         for row in rows:
             self._note(row)
@@ -209,6 +211,11 @@ def read_rows(folder: Path, columns: Sequence[Column]) -> "pd.DataFrame":
     -------
     pandas.DataFrame
         a row per stored trial of the last plan, in its order
+
+    Raises
+    ------
+    ValueError
+        If the table is damaged, or not one of trials.
     """
     import pandas as pd
 
@@ -216,8 +223,18 @@ def read_rows(folder: Path, columns: Sequence[Column]) -> "pd.DataFrame":
         rows = StoredRows(folder)
         planned = planned_ids(folder)
         return rows.frame(rows.status if planned is None else planned, columns)
-    types = dtypes(columns)
-    return pd.read_parquet(folder / TABLE_FILE).reindex(columns=list(types)).astype(types)
+    path, types = folder / TABLE_FILE, dtypes(columns)
+    try:
+        table = pd.read_parquet(path)
+    except Exception as error:  # pyarrow raises a dozen kinds for damaged files
+        raise ValueError(f"{path}: not a parquet file, or damaged: {_first_line(error)}") from error
+    absent = {"trial_id", "status"} - set(table.columns)
+    if absent:
+        raise ValueError(f"{path}: not a table of trials: it has no column {' and '.join(sorted(absent))}")
+    try:
+        return table.reindex(columns=list(types)).astype(types)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: not a table of trials of this study: {_first_line(error)}") from error
 
 
 def parse_rows(path: Path) -> Iterator[dict[str, Any] | None]:
@@ -241,7 +258,8 @@ def parse_rows(path: Path) -> Iterator[dict[str, Any] | None]:
                 row = json.loads(line)
             except (ValueError, RecursionError):
                 row = None
-            yield row if _is_row(row) else None
+            # Rows of earlier versions may have text that no table can hold.
+            yield (_encodable(row) if b"\\ud" in line.lower() else row) if _is_row(row) else None
 
 
 def read_table_columns(path: Path, names: Sequence[str]) -> dict[str, list[Any]]:
@@ -277,8 +295,19 @@ def _parquet(path: Path) -> Iterator[Any]:
     try:
         with ParquetFile(path) as file:
             yield file
-    except pyarrow.ArrowException as error:
-        raise ValueError(f"{path}: not a parquet file, or damaged: {error}") from error
+    except (pyarrow.ArrowException, OSError) as error:
+        if isinstance(error, OSError) and error.errno is not None:  # the file cannot be opened
+            raise
+        raise ValueError(f"{path}: not a parquet file, or damaged: {_first_line(error)}") from error
+
+
+def _first_line(error: BaseException) -> str:
+    return next(iter(str(error).splitlines()), type(error).__name__)
+
+
+def _encodable(row: Row) -> dict[str, Any]:
+    """A row whose text can be written to any file."""
+    return {name: encodable(value) if isinstance(value, str) else value for name, value in row.items()}
 
 
 def _is_row(row: object) -> bool:
@@ -289,7 +318,10 @@ def _frame(rows: list[dict[str, Any]], columns: Sequence[Column]) -> "pd.DataFra
     import pandas as pd
 
     types = dtypes(columns)
-    return pd.DataFrame(rows, columns=list(types)).astype(types)
+    try:
+        return pd.DataFrame(rows, columns=list(types)).astype(types)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise ValueError(f"stored rows have values of another type: {_first_line(error)}") from error
 
 
 def _batches(rows: Iterable[Any]) -> Iterator[list[Any]]:

@@ -10,14 +10,15 @@ import pandas as pd
 import pytest
 
 from studies.experiments import Change
-from studies.reporting.page import page, stored_results
+from studies.reporting.page import page, sorted_by_section, study_folders
+from studies.reporting.results import Results
 
 RESULTS = Path(__file__).parents[2] / "results"
 
 
 @pytest.fixture(scope="module")
 def studies():
-    found = stored_results(RESULTS)
+    found = sorted_by_section(map(Results.load, study_folders(RESULTS)))
     assert found, "no study is stored"
     return found
 

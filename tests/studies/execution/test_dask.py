@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from studies.datasets.files import FileModel
-from studies.execution import Serial, TaskFailure, run_trials
+from studies.execution import Serial, TaskFailure, map_ordered, run_trials
 from studies.planning.trial import COLUMNS, TIMINGS
 from tests.helpers.meshes import bundled
 from tests.studies.conftest import STUDY
@@ -28,6 +28,7 @@ from tests.studies.execution.engines import (
     square,
     wait_for,
 )
+from tests.studies.test_run import run
 
 pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
 
@@ -159,6 +160,84 @@ def test_tasks_of_a_worker_that_is_retired_run_on_another(tmp_path):
         cluster.scale(1)
         outcomes |= results
     assert outcomes == {(x, path): x * x for x, path in tasks}
+
+
+SLURM = {"_target_": "dask_jobqueue.SLURMCluster", "cores": 1, "memory": "1GB", "interface": "lo"}
+
+
+def queue_of(folder, monkeypatch, sbatch):
+    """A queue whose programs are shell scripts: ``sbatch`` is the text of one."""
+    pytest.importorskip("dask_jobqueue", reason="the extra 'dask' is not installed")
+    for name, text in (("sbatch", sbatch), ("scancel", "exit 0")):
+        if text:
+            (folder / name).write_text(f"#!/bin/sh\n{text}\n")
+            (folder / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{folder}:/usr/bin:/bin")
+
+
+@pytest.mark.parametrize(
+    ("sbatch", "words"),
+    [
+        ("echo 'sbatch: error: invalid partition specified: fast' >&2; exit 1", "invalid partition specified: fast"),
+        ("echo nothing that has a number of a job", "Could not parse job id"),
+        ("", "No such file or directory: 'sbatch'"),
+    ],
+)
+def test_a_queue_that_takes_no_job_ends_the_study_with_its_words(here, monkeypatch, sbatch, words):
+    queue_of(here, monkeypatch, sbatch)
+    done = run(here, *STUDY, "engine=dask", "engine.workers=2", f"engine.cluster={json.dumps(SLURM)}", "repeats=1")
+    assert done.returncode == 2
+    assert done.stderr.startswith("studies.run: error: 2 of 2 workers of the cluster could not be started: ")
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_jobs_that_never_start_are_awaited_for_a_limited_time_and_a_line_says_so(here, monkeypatch):
+    queue_of(here, monkeypatch, "echo 'Submitted batch job 42'")
+    words = ("engine=dask", "engine.workers=2", f"engine.cluster={json.dumps(SLURM)}", "engine.wait=1", "repeats=1")
+    done = run(here, *STUDY, *words)
+    assert done.returncode == 2
+    awaited, error = done.stderr.splitlines()
+    assert awaited == "waiting for workers of the cluster, 0 seconds so far, 1 seconds"
+    assert "no worker of the cluster has come within engine.wait=1 seconds" in error
+
+
+def test_a_queue_that_takes_some_of_the_jobs_does_with_those(here, monkeypatch, capsys):
+    queue_of(
+        here, monkeypatch,
+        f"test -e {here}/one && {{ echo QOSMaxSubmitJobPerUserLimit >&2; exit 1; }}\ntouch {here}/one\n"
+        f"PYTHONPATH={PROJECT} sh $1 > {here}/log 2>&1 &\necho Submitted batch job 42",
+    )  # fmt: skip
+    assert map_ordered(Dask(cluster=SLURM, workers=2, wait=60), square, range(4)) == [0, 1, 4, 9]
+    assert "1 of 2 workers of the cluster could not be started" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("cluster", "words"),
+    [
+        ({"_target_": "collections.Counter"}, "is not a cluster of dask"),
+        ({"_target_": "no_such_module.Cluster"}, "no_such_module"),
+        ({"_target_": "distributed.LocalCluster", "no_such_option": 1}, "no_such_option"),
+        ({"_target_": "distributed.LocalCluster", "n_workers": 0, "dashboard_address": None}, "engine.workers"),
+    ],
+)
+def test_a_cluster_that_cannot_be_started_is_a_mistake(cluster, words):
+    with pytest.raises((ValueError, OSError), match=words):
+        list(completed(Dask(cluster=cluster), square, [1]))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"address": 5}, "engine.address is 5"),
+        ({"cluster": "slurm"}, "engine.cluster is 'slurm'"),
+        ({"address": "tcp://a:1", "wait": 0}, "engine.wait is 0"),
+        ({"address": "tcp://a:1", "wait": "1h"}, "engine.wait is '1h'"),
+    ],
+)
+def test_options_of_the_wrong_kind_are_refused_by_name(options, words):
+    with pytest.raises(ValueError, match=words):
+        Dask(**options)
 
 
 @pytest.mark.parametrize("options", [{}, {"address": "tcp://127.0.0.1:1", "cluster": {}}])

@@ -1,4 +1,5 @@
 import concurrent.futures
+import contextlib
 import os
 import pickle
 import signal
@@ -13,7 +14,7 @@ import pytest
 
 from studies.execution import Local, Serial, TaskFailedError, TaskFailure, map_ordered
 from studies.execution.engine import parse_bytes
-from studies.execution.worker_pool import ATTEMPTS, WorkerPool, WorkerPoolError
+from studies.execution.worker_pool import ATTEMPTS, START_METHOD, WorkerPool, WorkerPoolError
 from tests.studies.execution.engines import (
     abort_at_three,
     add_up,
@@ -85,7 +86,7 @@ def exit_at_three(x):
 
 def test_a_task_that_exits_costs_itself_only():
     outcomes = outcomes_of(Local(workers=1), exit_at_three, range(5))
-    assert outcomes.pop(3) == TaskFailure("crashed", "its process died with exit code 0")
+    assert outcomes.pop(3) == TaskFailure("failed", "SystemExit: 0")
     assert outcomes == {x: x for x in range(5) if x != 3}
 
 
@@ -201,6 +202,69 @@ def test_workers_that_are_killed_at_arbitrary_moments_cost_their_own_tasks_only(
     assert len(lost) <= 25
     assert {outcome.status for outcome in lost.values()} <= {"crashed"}
     assert all(outcome == x * x for x, outcome in enumerate(outcomes) if x not in lost)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_two_hundred_killed_workers_cost_no_more_than_a_task_each_and_never_the_session(seed):
+    """Tasks so small that most kills come between two of them, or while a worker is started."""
+    random = np.random.default_rng(seed)
+    engine = Local(workers=2)
+    n_killed = 0
+    finished = threading.Event()
+
+    def kill():
+        nonlocal n_killed
+        while n_killed < 200 and not finished.wait(random.exponential(0.05)):
+            children = [child for child in psutil.Process().children(recursive=True) if is_worker(child)]
+            if children:
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    children[random.integers(len(children))].kill()
+                    n_killed += 1
+
+    def tasks():
+        x = 0
+        while n_killed < 200:
+            yield x
+            x += 1
+
+    killer = threading.Thread(target=kill)
+    try:
+        results = completed(engine, square, tasks())
+        outcomes = dict([next(results)])  # workers can be started
+        killer.start()
+        outcomes |= results
+    finally:
+        finished.set()
+        killer.join()
+    lost = {x for x, outcome in outcomes.items() if isinstance(outcome, TaskFailure)}
+    assert n_killed == 200
+    assert len(lost) <= 200
+    assert {outcomes[x].status for x in lost} <= {"crashed"}
+    assert all(outcomes[x] == x * x for x in range(len(outcomes)) if x not in lost)
+
+
+def is_worker(process):
+    """Whether a child of this process is a worker, not what workers are forked from or what tracks resources."""
+    with contextlib.suppress(psutil.Error):
+        return process.parent().pid != os.getpid()
+    return False
+
+
+@pytest.mark.skipif(START_METHOD != "forkserver", reason="there is no process that workers are forked from")
+def test_the_process_that_workers_are_forked_from_may_be_killed():
+    outcomes = {}
+    for x, outcome in completed(Local(workers=1), square, range(12)):
+        outcomes[x] = outcome
+        if x in (2, 6):
+            (server,) = [child for child in psutil.Process().children() if "forkserver" in " ".join(child.cmdline())]
+            for worker in server.children():
+                worker.kill()
+            server.kill()
+    lost = {x for x, outcome in outcomes.items() if isinstance(outcome, TaskFailure)}
+    assert len(outcomes) == 12
+    assert len(lost) <= 4
+    assert all(outcomes[x] == x * x for x in outcomes if x not in lost)
 
 
 def raise_timeout(_):

@@ -1,7 +1,7 @@
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from studies.planning.command_line import quote_command, swept_folder
+from studies.planning.command_line import quote_argument, swept_folder
 
 
 @pytest.mark.parametrize(
@@ -15,7 +15,7 @@ from studies.planning.command_line import quote_command, swept_folder
     ],
 )
 def test_a_command_reaches_the_study_as_it_left_the_shell(command):
-    override = OverridesParser.create().parse_override(quote_command(f"segmenter.command={command}"))
+    override = OverridesParser.create().parse_override(quote_argument(f"segmenter.command={command}"))
     assert override.key_or_group == "segmenter.command"
     assert str(override.value()) == command
 
@@ -26,7 +26,7 @@ def test_a_command_reaches_the_study_as_it_left_the_shell(command):
      "-m", "segmenter.command=", "+perturbation.command={a:1}"],
 )  # fmt: skip
 def test_whatever_else_there_is_stays(argument):
-    assert quote_command(argument) == argument
+    assert quote_argument(argument) == argument
 
 
 def test_a_job_of_a_sweep_has_a_folder_named_after_what_is_swept():

@@ -1,0 +1,107 @@
+"""Terminals that lack characters, readers that leave early, notebooks' settings, and folders that cannot be written."""
+
+import io
+import os
+import subprocess
+import sys
+
+import pytest
+
+from studies.terminal import _forgiving
+from tests.studies.conftest import STUDY
+
+STUDY_SERIAL = (*STUDY, "repeats=1", "engine=serial")
+
+
+def command(folder, words, **environment):
+    """A command in a folder of its own, with variables of its own; None removes one."""
+    settings = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "COLUMNS": "80"} | environment
+    settings = {name: value for name, value in settings.items() if value is not None}
+    return subprocess.run([sys.executable, "-m", *words], cwd=folder, env=settings, capture_output=True, timeout=300)
+
+
+TERMINALS = [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+             {"PYTHONIOENCODING": "cp1252"}, {"PYTHONIOENCODING": "latin-1:strict"}]  # fmt: skip
+
+
+@pytest.mark.parametrize("terminal", TERMINALS)
+def test_a_terminal_that_lacks_characters_shows_others(here, terminal):
+    (here / "ant.off").rename(here / "Ämter 蟻.off")
+    words = [word for word in STUDY_SERIAL if not word.startswith("dataset.glob")]
+    done = command(here, ["studies.run", *words, "dataset.glob=*.off", "title=Größe ±σ 蟻"], **terminal)
+    assert done.returncode == 0, done.stderr
+    assert b"Gr" in done.stdout
+    for words in (["studies.status"], ["studies.report"], ["studies.run", "--help"]):
+        done = command(here, words, **terminal)
+        assert done.returncode == 0, done.stderr
+        assert not done.stderr
+    failing = command(here, ["studies.run", *STUDY_SERIAL, "dataset.glob=蟻 ö.off"], **terminal)
+    assert failing.returncode == 2
+    assert failing.stderr.count(b"\n") == 1
+
+
+@pytest.mark.parametrize("words", [["studies.status", "."], ["studies.report", "."], ["studies.run", "--help"]])
+def test_a_reader_that_leaves_early_is_no_error(study, here, words):
+    assert study("repeats=1", results=".")
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONUNBUFFERED": "1"}
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", *words], env=environment, stdout=writing, stderr=subprocess.PIPE, timeout=300
+        )
+    finally:
+        os.close(writing)
+    assert done.stderr == b""
+    assert done.returncode == 0
+    if words[0] == "studies.report":
+        assert (here / "README.md").exists()
+
+
+def test_a_study_goes_on_when_nobody_reads_its_output_any_more(here):
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "studies.run", *STUDY_SERIAL], env=environment, stdout=writing, stderr=writing
+        )
+    finally:
+        os.close(writing)
+    assert done.returncode == 0
+    assert (here / "results" / "normal_noise" / "files" / "table.csv").exists()
+
+
+@pytest.mark.parametrize("backend", ["module://matplotlib_inline.backend_inline", "module://no_such_module", "TkNone"])
+def test_the_plotting_backend_of_a_notebook_does_not_matter(here, backend):
+    words = [word for word in STUDY_SERIAL if not word.startswith("gallery")]
+    done = command(here, ["studies.run", *words, "gallery.models=1"], MPLBACKEND=backend)
+    assert done.returncode == 0, done.stderr
+    folder = here / "results" / "normal_noise" / "files"
+    assert (folder / "normal_noise.png").exists()
+    assert (folder / "gallery.png").exists()
+    assert command(here, ["studies.report"], MPLBACKEND=backend).returncode == 0
+
+
+def test_where_compiled_code_is_cached_does_not_matter(here):
+    (here / "file").touch()
+    words = [word for word in STUDY_SERIAL if not word.startswith("segmenter")]
+    done = command(here, ["studies.run", *words, "levels=[0.1]"], NUMBA_CACHE_DIR=str(here / "file" / "cache"))
+    assert done.returncode == 0, done.stderr + done.stdout
+
+
+def test_mistakes_of_every_command_end_with_2(here):
+    for words in (
+        ["studies.status", "--what"],
+        ["studies.report", "a", "b"],
+        ["studies.merge"],
+        ["studies.run", "--x"],
+    ):
+        done = command(here, words)
+        assert done.returncode == 2, words
+        assert b"Traceback" not in done.stderr
+
+
+def test_a_stream_that_is_no_file_stays_as_it_is():
+    for stream in (io.StringIO(), None):
+        assert _forgiving(stream) is stream
