@@ -105,7 +105,7 @@ class Files(Dataset):
             )
         models: dict[str, FileModel] = {}
         for path in paths:
-            name = path.with_suffix("").as_posix()
+            name = encodable(path.with_suffix("").as_posix())
             if name in models:
                 raise DatasetError(
                     f"{models[name].path} and {top / path} would both be the model {name!r}; "

@@ -14,6 +14,7 @@ import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
 from matplotlib.transforms import ScaledTranslation
 
@@ -31,7 +32,7 @@ from studies.figures.style import (
     TWO_COLUMNS,
     group_style,
 )
-from studies.storage import atomic_write
+from studies.storage import atomic_write, encodable
 
 # Embedding a font in a PDF logs what is left out of it.
 logging.getLogger("fontTools").setLevel(logging.WARNING)
@@ -95,6 +96,8 @@ def save(figure: Figure, path: Path, content: str | None = None) -> None:
     OSError
         if a file cannot be written
     """
+    for text in figure.findobj(Text):  # matplotlib cannot draw lone surrogates
+        text.set_text(encodable(text.get_text()))
     with atomic_write(path) as part:
         figure.savefig(part, dpi=DPI, metadata={"Software": None} | ({} if content is None else {"Shows": content}))
     if content is None:

@@ -57,7 +57,11 @@ def quote_argument(argument: str, is_sweep: bool = False) -> str:
     """
     key, _, value = argument.partition("=")
     option = key.lstrip("+")
-    if option not in TEXT_OPTIONS or value in ("", "null", "???") or "${" in value:
+    if option not in TEXT_OPTIONS:
+        # Hydra refuses letters of most scripts where they are not quoted.
+        is_word = not (value.isascii() or re.search(r"""[][{},'"$]""", value))
+        return f"{key}={_quoted(value)}" if is_word else argument
+    if value in ("", "null", "???") or "${" in value:
         return argument
     if re.fullmatch(r"""(['"]).*\1""", value, re.DOTALL):
         return argument

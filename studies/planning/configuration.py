@@ -18,6 +18,7 @@ from studies.planning.errors import StudyError
 from studies.planning.names import check_name
 from studies.planning.targets import check_required, construct
 from studies.planning.types import expectation, has_type
+from studies.storage.text import encodable
 
 if TYPE_CHECKING:
     from studies.datasets import Dataset
@@ -134,7 +135,7 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Stu
     results_dir = Path(cfg.results_dir).expanduser()
     return Study(
         name=name,
-        title=cfg.title,
+        title=encodable(cfg.title),
         experiment=_experiment(_options(cfg, "experiment")),
         dataset=dataset,
         segmenters=_segmenters(cfg, overrides),
@@ -147,7 +148,7 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Stu
         dry_run=cfg.dry_run,
         publication=Publication.load(cfg.publication) if cfg.publication else None,
         record=_record(cfg),
-        command=command_of(overrides),
+        command=encodable(command_of(overrides)),
     )
 
 

@@ -45,7 +45,7 @@ def write_origin(study: Study, trials: Sequence[Trial]) -> None:
         path.write_text(yaml.safe_dump(_encodable(study.record), sort_keys=False, allow_unicode=True), "utf-8")
     meshes = {encodable(trial.model.name): trial.mesh_digest for trial in trials}
     with atomic_write(study.folder / PROVENANCE_FILE) as path:
-        path.write_text(json.dumps(provenance(meshes, encodable(study.command)), indent=2) + "\n", "utf-8")
+        path.write_text(json.dumps(provenance(meshes, study.command), indent=2) + "\n", "utf-8")
 
 
 def _encodable(value: Any) -> Any:

@@ -160,8 +160,9 @@ def test_rows_that_an_earlier_version_poisoned_can_be_read(tmp_path):
 def test_a_study_of_a_file_whose_name_is_not_text_stays_readable(here, capsys):
     os.rename(b"ant.off", b"K\xfcche.off")
     words = [word for word in STUDY if not word.startswith("dataset.glob")]
-    done = typed(here, *words, "dataset.glob=*.off", "repeats=1")
+    done = typed(here, *words, "dataset.glob=*.off", "repeats=1", "gallery.models=1", f"title=Pe{SURROGATE}")
     assert done.returncode == 0, done.stderr
+    assert (here / "results" / FOLDER / "gallery.png").exists()
     rows = pd.read_parquet(here / "results" / FOLDER / "trials.parquet")
     assert set(rows["model"]) == {"K\\udcfcche"}
     assert status.main(["results"]) == 0

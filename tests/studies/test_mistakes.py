@@ -177,7 +177,7 @@ def test_a_value_of_the_wrong_kind_is_refused_and_one_of_the_right_kind_is_not(h
 )
 def test_the_message_is_one_line_that_names_the_option(here, word, message):
     words = [one for one in ("+study=holes", *FILES) if one != "engine=serial"]
-    done = typed(here, *words, *([] if word.startswith(("engine", "trial")) else ["engine=serial"]), word)
+    done = typed(here, *words, *(["engine=local"] if word.startswith(("engine", "trial")) else []), word)
     assert done.returncode == 2, done.stdout
     assert message in done.stderr
     assert done.stderr.count("\n") == 1
@@ -239,7 +239,7 @@ def test_flags_keep_their_values():
 
 
 def test_a_sweep_over_many_levels_has_a_folder_with_a_short_name(here):
-    many = [f"[{','.join(f'{i}.{j}' for j in range(1, 90))}]" for i in (1, 2)]
+    many = [f"[{','.join(f'{i}.{j:02}' for j in range(1, 90))}]" for i in (1, 2)]
     words = ("-m", "+study=scaling", f"levels={','.join(many)}", "repeats=1", "gallery.models=0", *FILES[:3])
     done = typed(here, *words, "segmenter=custom", "segmenter._target_=tests.helpers.segmenting.halves")
     assert done.returncode == 0, done.stderr

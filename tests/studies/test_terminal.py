@@ -28,7 +28,7 @@ TERMINALS = [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "
 def test_a_terminal_that_lacks_characters_shows_others(here, terminal):
     (here / "ant.off").rename(here / "Ämter 蟻.off")
     words = [word for word in STUDY_SERIAL if not word.startswith("dataset.glob")]
-    done = command(here, ["studies.run", *words, "dataset.glob=*.off", "title=Größe ±σ 蟻"], **terminal)
+    done = command(here, ["studies.run", *words, "dataset.glob=*.off", "title=Größe ±σ"], **terminal)
     assert done.returncode == 0, done.stderr
     assert b"Gr" in done.stdout
     for words in (["studies.status"], ["studies.report"], ["studies.run", "--help"]):
