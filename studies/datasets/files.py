@@ -17,6 +17,7 @@ from studies.datasets.dataset import (
     welded_digest,
 )
 from studies.datasets.folders import is_macos_metadata
+from studies.storage.text import encodable
 
 SUFFIXES = (".off", ".obj", ".ply", ".stl")
 
@@ -111,7 +112,7 @@ class Files(Dataset):
                     f"{models[name].path} and {top / path} would both be the model {name!r}; "
                     f"give a pattern that matches one of them, such as dataset.glob='{top}/**/*{path.suffix}'"
                 )
-            models[name] = FileModel(name, path.parent.name, (top / path).absolute(), self._weld)
+            models[name] = FileModel(name, encodable(path.parent.name), (top / path).absolute(), self._weld)
         return list(models.values())
 
 
