@@ -171,7 +171,7 @@ def test_a_failed_trial_is_counted_and_said_and_the_exit_code_tells(folder):
     )
     assert done.returncode == 1
     assert "1 of 2 trials failed" in done.stdout
-    assert "bad.off: declares 1 faces but contains 0: the file is truncated" in done.stdout
+    assert "bad.off: declares 3 vertices but contains 1: the file is truncated" in done.stdout
     assert not done.stderr
     rows = pd.read_parquet(folder / "results" / "holes" / "files" / "trials.parquet").set_index("model")
     assert rows["status"].to_dict() == {"bad": "failed", "ant": "ok"}
