@@ -1,7 +1,11 @@
 """The command ``heatwalk``: segment a mesh file, or report on it."""
 
 import argparse
+import contextlib
+import hashlib
+import io
 import math
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -52,16 +56,42 @@ def main(argv: Sequence[str] | None = None) -> int:
     Traceback (most recent call last):
     SystemExit: 0
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")  # the terminal may lack "…", or letters of a file's name
+    try:
+        try:
+            return _run(argv)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:  # a reader such as `head` has seen enough
+        _discard_output()
+        return 0
+    except OSError as error:
+        _discard_output()
+        return _fail(f"the standard output cannot be written: {error.strerror or error}")
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    """Run the command that the arguments select; returns the exit code."""
     arguments = _parser().parse_args(argv)
 
     from heatwalk.io import read_mesh
     from heatwalk.meshes import MeshError
 
     try:
-        mesh = read_mesh(arguments.mesh)
+        mesh = read_mesh(arguments.mesh, weld=arguments.weld)
     except MeshError as error:
         return _fail(error)
     return arguments.run(arguments, mesh)
+
+
+def _discard_output() -> None:
+    """Send what is still to be written to stdout nowhere, so that Python's exit does not fail again."""
+    with contextlib.suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -83,7 +113,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="example:\n  heatwalk segment cow.obj --time 1 --output cow_segments.ply",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    command.add_argument("mesh", metavar="MESH", help="an OFF, OBJ, PLY or STL file")
+    _add_mesh(command)
     command.add_argument(
         "--time",
         type=_time,
@@ -97,6 +127,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="OUT.ply",
         help="default: the name of MESH with _segments.ply, in the current directory",
     )
+    command.add_argument("--force", action="store_true", help="overwrite output files that this command did not write")
     command.set_defaults(run=_segment)
 
     command = commands.add_parser(
@@ -104,9 +135,36 @@ def _parser() -> argparse.ArgumentParser:
         help="report the properties of the mesh and whether it can be segmented",
         description="Report the properties of a mesh. The exit code is 0 if it can be segmented, 2 if not.",
     )
-    command.add_argument("mesh", metavar="MESH", help="an OFF, OBJ, PLY or STL file")
+    _add_mesh(command)
     command.set_defaults(run=_inspect)
     return parser
+
+
+def _add_mesh(command: argparse.ArgumentParser) -> None:
+    """Add the arguments that specify the mesh and how it is read."""
+    command.add_argument("mesh", metavar="MESH", help="an OFF, OBJ, PLY or STL file")
+    command.add_argument(
+        "--weld",
+        type=_weld,
+        metavar="exact|DISTANCE",
+        help="merge vertices that coincide: exactly, or within a distance relative to the bounding-box diagonal, such "
+        "as 1e-5 (default: none)",
+    )
+
+
+def _weld(text: str) -> str | float:
+    """The value of --weld."""
+    from heatwalk.io.welding import check_weld
+    from heatwalk.meshes import MeshError
+
+    weld: str | float = text
+    with contextlib.suppress(ValueError):
+        weld = float(text)
+    try:
+        check_weld(weld)
+    except MeshError as error:
+        raise argparse.ArgumentTypeError(str(error).partition(" ")[2] + f", got {text!r}") from error
+    return weld
 
 
 def _time(text: str) -> float:
@@ -137,6 +195,7 @@ def _fail(message: object) -> int:
 def _segment(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
     """``heatwalk segment``; returns the exit code."""
     from heatwalk.io import write_ply, write_seg
+    from heatwalk.io.seg import seg_bytes
     from heatwalk.meshes import MeshError
     from heatwalk.segmentation import segment
     from heatwalk.spectrum import SpectrumError
@@ -148,12 +207,24 @@ def _segment(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
         return _fail(f"{output}: the output would overwrite the mesh; choose another --output")
     if not output.parent.is_dir():
         return _fail(f"{output}: cannot be written: no such directory")
+    foreign = None if arguments.force else _foreign_file(output, labels_output)
+    if foreign is not None:
+        return _fail(
+            f"{foreign}: exists, and this command did not write it; choose another --output, or overwrite it by --force"
+        )
     try:
         segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
     except (MeshError, SpectrumError) as error:
         return _fail(f"{arguments.mesh}: {error}")
     try:
-        write_ply(output, mesh.vertices, mesh.faces, segmentation.labels, dissipator=len(segmentation.exemplars))
+        write_ply(
+            output,
+            mesh.vertices,
+            mesh.faces,
+            segmentation.labels,
+            dissipator=len(segmentation.exemplars),
+            comments=[_digest_comment(seg_bytes(segmentation.face_labels))],
+        )
         write_seg(labels_output, segmentation.face_labels)
     except OSError as error:
         return _fail(f"{error.filename}: cannot be written: {error.strerror}")
@@ -162,6 +233,24 @@ def _segment(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
     _print_segments(segmentation)
     print(f"written: {output}, {labels_output}")
     return 0
+
+
+def _digest_comment(labels: bytes) -> str:
+    """The comment of the PLY file that identifies the contents of the .seg file written with it."""
+    return f"seg sha256 {hashlib.sha256(labels).hexdigest()}"
+
+
+def _foreign_file(output: Path, labels: Path) -> Path | None:
+    """An existing output file that this command did not write; None if there is none."""
+    from heatwalk.io.ply import comments_of
+
+    try:
+        comments = comments_of(output) if output.is_file() else []
+        if output.is_file() and "heatwalk" not in comments:
+            return output
+        return labels if labels.is_file() and _digest_comment(labels.read_bytes()) not in comments else None
+    except OSError:  # the attempt to write it gives the reason
+        return None
 
 
 def _print_segments(segmentation: "Segmentation") -> None:

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from perturb._normals import distinct_faces, has_repeated_corner
+from perturb._welding import (
+    LATTICE_SPACING,
+    count_coincident,
+    lattice_offsets,
+    mesh_with_parts,
+    result_with_parts,
+    separate_coincident,
+    weld,
+)
 from perturb.meshes import as_trimesh, without_faces
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
 
@@ -32,11 +42,16 @@ class Decimation(Perturbation):
 
     Notes
     -----
-    Triangles that the collapses folded onto each other (with the same three vertices) are removed, in pairs of
+    Before decimation, triangles with a repeated corner are removed, and of several with the same three vertices, in
+    either winding, all but the first: `amount` is a share of the others, and `Perturbed.applied` counts the removed
+    ones. Triangles that the collapses folded onto each other (with the same three vertices) are removed, in pairs of
     opposite orientation or down to one; the tip of a fold counts as merged into its base. A component that folds
-    completely disappears, as does a double sheet that was already in the mesh; `Perturbed.applied` counts these
-    triangles. If fast_simplification pinches a thin part, an edge with four triangles may remain; pymeshlab preserves
-    the topology.
+    completely disappears; `Perturbed.applied` counts these triangles. If fast_simplification pinches a thin part, an
+    edge with four triangles may remain; pymeshlab preserves the topology.
+
+    Vertices that coincide remain apart. If pymeshlab then cannot remove any face, as of triangles that share no
+    vertices, they are merged, and ``applied["welded_vertices"]`` is the number of vertices that vanished thereby. If
+    still no face can be removed, a PerturbationError reports it.
 
     References
     ----------
@@ -69,33 +84,51 @@ class Decimation(Perturbation):
         self.check_number("amount", maximum=1, positive=True)
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
-        n_faces = len(mesh.faces)
+        distinct = distinct_faces(np.asarray(mesh.faces))
+        n_target = round(self.amount * len(distinct))
+        if n_target == len(mesh.faces):
+            return self._finish(mesh, _Decimated(as_trimesh(mesh.vertices, mesh.faces), np.arange(len(mesh.vertices))))
+        # In a box of size 1, because the error threshold of fast-simplification is absolute.
+        corner, size = mesh.bounds[0], mesh.extents.max()
+        vertices, faces = (np.asarray(mesh.vertices) - corner) / size, np.asarray(mesh.faces)[distinct]
+        backend = _by_fast_simplification if self.backend == "fast_simplification" else _by_pymeshlab
+        decimated = backend(vertices, faces, n_target)
+        if len(decimated.mesh.faces) + decimated.n_folded == len(faces):
+            raise PerturbationError(
+                f"decimation: {n_target} of {len(faces)} faces were requested, but {self.backend} cannot collapse any "
+                "edge, for example because each is a boundary or has more than two faces; choose the other backend"
+            )
+        in_place = as_trimesh(np.asarray(decimated.mesh.vertices) * size + corner, decimated.mesh.faces)
+        return self._finish(mesh, replace(decimated, mesh=in_place), distinct)
+
+    def _finish(self, mesh: trimesh.Trimesh, decimated: _Decimated, distinct: np.ndarray | None = None) -> Perturbed:
         by_collapses = self.backend == "fast_simplification"
-        decimated, counterpart, n_folded = self._decimate(mesh, round(self.amount * n_faces))
+        n_dropped = 0 if distinct is None else len(mesh.faces) - len(distinct)
+        n_degenerate = int(np.count_nonzero(has_repeated_corner(np.asarray(mesh.faces)))) if n_dropped else 0
         return self.finish(
             mesh,
-            decimated,
-            counterpart,
-            share_of_faces_kept=len(decimated.faces) / n_faces,
-            folded_triangles_removed=n_folded,
+            decimated.mesh,
+            decimated.counterpart,
+            share_of_faces_kept=len(decimated.mesh.faces) / (len(mesh.faces) - n_dropped),
+            folded_triangles_removed=decimated.n_folded,
+            degenerate_triangles_removed=n_degenerate,
+            repeated_triangles_removed=n_dropped - n_degenerate,
+            welded_vertices=decimated.n_welded,
             counterpart_by="collapses" if by_collapses else "nearest_vertex",
         )
 
-    def _decimate(self, mesh: trimesh.Trimesh, n_target: int) -> tuple[trimesh.Trimesh, np.ndarray, int]:
-        """Return the decimated mesh, the counterpart of each vertex, and the number of folded triangles removed."""
-        if n_target == len(mesh.faces):
-            return as_trimesh(mesh.vertices, mesh.faces), np.arange(len(mesh.vertices)), 0
-        # In a box of size 1, because the error threshold of fast-simplification is absolute.
-        corner, size = mesh.bounds[0], mesh.extents.max()
-        vertices = (np.asarray(mesh.vertices) - corner) / size
-        backend = _by_fast_simplification if self.backend == "fast_simplification" else _by_pymeshlab
-        rest, counterpart, n_folded = backend(vertices, np.asarray(mesh.faces), n_target)
-        return as_trimesh(np.asarray(rest.vertices) * size + corner, rest.faces), counterpart, n_folded
+
+@dataclass(frozen=True)
+class _Decimated:
+    """A decimated mesh, the counterpart of each vertex (n,), and how many triangles folded and vertices were merged."""
+
+    mesh: trimesh.Trimesh
+    counterpart: np.ndarray
+    n_folded: int = 0
+    n_welded: int = 0
 
 
-def _by_fast_simplification(
-    vertices: np.ndarray, faces: np.ndarray, n_target: int
-) -> tuple[trimesh.Trimesh, np.ndarray, int]:
+def _by_fast_simplification(vertices: np.ndarray, faces: np.ndarray, n_target: int) -> _Decimated:
     """Decimate with fast-simplification; counterparts follow from its collapses."""
     import fast_simplification
 
@@ -118,7 +151,7 @@ def _by_fast_simplification(
     counterpart = np.full(len(vertices), -1)
     counterpart[survivors] = counterpart_of_survivor
     _merge_fold_tips(counterpart, renamed)
-    return rest, counterpart[merged_into], int(np.count_nonzero(folded))
+    return _Decimated(rest, counterpart[merged_into], int(np.count_nonzero(folded)))
 
 
 def _follow_collapses(collapses: np.ndarray, n_vertices: int) -> np.ndarray:
@@ -138,13 +171,44 @@ def _merge_fold_tips(counterpart: np.ndarray, faces: np.ndarray) -> None:
         counterpart[tip[mergeable]] = counterpart[base[mergeable]]
 
 
-def _by_pymeshlab(vertices: np.ndarray, faces: np.ndarray, n_target: int) -> tuple[trimesh.Trimesh, np.ndarray, int]:
-    """Decimate with MeshLab; the counterpart of a vertex is the nearest vertex."""
-    import pymeshlab
+def _by_pymeshlab(vertices: np.ndarray, faces: np.ndarray, n_target: int) -> _Decimated:
+    """Decimate with MeshLab; the counterpart of a vertex is the nearest vertex of its own component.
+
+    Vertices that coincide remain apart, unless nothing could be removed then, as of triangles that share no vertices.
+    """
     from scipy.spatial import cKDTree
 
+    from heatwalk.laplacian import vertex_components
+
+    n_coincident, n_welded = count_coincident(vertices, faces), 0
+    part = vertex_components(len(vertices), faces) if n_coincident else np.zeros(len(vertices), dtype=np.int64)
+    new_vertices, new_faces, new_part = _collapse_by_pymeshlab(
+        separate_coincident(vertices, faces), faces, n_target, part
+    )
+    if n_coincident and len(new_faces) == len(faces):
+        n_welded, part = n_coincident, np.zeros_like(part)
+        new_vertices, new_faces, new_part = _collapse_by_pymeshlab(*weld(vertices, faces), n_target, part)
+    folded = _find_folded(new_faces)
+    rest, counterpart_of_new = without_faces(as_trimesh(new_vertices, new_faces), folded)
+    apart = np.asarray(rest.vertices) + lattice_offsets(new_part[counterpart_of_new >= 0], part.max() + 1)
+    counterpart = np.full(len(vertices), -1)
+    used = np.unique(faces)
+    distance, nearest = cKDTree(apart).query(vertices[used] + lattice_offsets(part[used], part.max() + 1))
+    counterpart[used] = np.where(distance < LATTICE_SPACING / 2, nearest, -1)
+    return _Decimated(rest, counterpart, int(np.count_nonzero(folded)), n_welded)
+
+
+def _collapse_by_pymeshlab(
+    vertices: np.ndarray, faces: np.ndarray, n_target: int, part: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Collapse edges until `n_target` faces remain, or none can be collapsed.
+
+    Returns the vertices and faces that remain, and the part of each vertex, given that (n,) of the vertices before.
+    """
+    import pymeshlab
+
     meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
+    meshes.add_mesh(mesh_with_parts(vertices, faces, part))
     # All flags are on: a flag that was once on remains on until the process ends, so any other choice would depend on
     # what ran before. Without planar quadrics, flat parts would lose nearly all vertices.
     meshes.meshing_decimation_quadric_edge_collapse(
@@ -154,14 +218,7 @@ def _by_pymeshlab(vertices: np.ndarray, faces: np.ndarray, n_target: int) -> tup
         preservenormal=True,
         preserveboundary=True,
     )
-    decimated = meshes.current_mesh()
-    new_faces = decimated.face_matrix().astype(np.int64)
-    folded = _find_folded(new_faces)
-    rest, _ = without_faces(as_trimesh(decimated.vertex_matrix(), new_faces), folded)
-    counterpart = np.full(len(vertices), -1)
-    used = np.unique(faces)
-    counterpart[used] = cKDTree(rest.vertices).query(vertices[used])[1]
-    return rest, counterpart, int(np.count_nonzero(folded))
+    return result_with_parts(meshes.current_mesh())
 
 
 def _find_folded(faces: np.ndarray) -> np.ndarray:

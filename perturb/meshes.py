@@ -13,12 +13,33 @@ if TYPE_CHECKING:  # SciPy and trimesh take most of a second to import, which `i
     from scipy.sparse import coo_array
 
 
+MAX_EXPONENT = 300  # squares of lengths between 2^-300 and 2^300 can be added without underflow and overflow
+
+
 def _mean_edge_length(mesh: trimesh.Trimesh) -> float:
-    return float(mesh.edges_unique_length.mean())
+    length, exponent = _edge_lengths(mesh)
+    start, end = mesh.edges_unique.T
+    return float(np.ldexp(length[start != end].mean(), exponent))
 
 
 def _bounding_box_diagonal(mesh: trimesh.Trimesh) -> float:
-    return float(np.linalg.norm(mesh.extents))
+    exponent = size_exponent(mesh)
+    return float(np.ldexp(np.linalg.norm(np.ldexp(mesh.extents, -exponent)), exponent))
+
+
+def _edge_lengths(mesh: trimesh.Trimesh) -> tuple[np.ndarray, int]:
+    """(k,) the lengths of ``mesh.edges_unique`` as multiples of a power of two; the exponent of the latter."""
+    exponent = size_exponent(mesh)
+    if exponent == 0:
+        return mesh.edges_unique_length, 0
+    start, end = np.ldexp(np.asarray(mesh.vertices), -exponent)[mesh.edges_unique.T]
+    return np.linalg.norm(end - start, axis=1), exponent
+
+
+def size_exponent(mesh: trimesh.Trimesh) -> int:
+    """Return 0 for a mesh the squared lengths of which are ordinary numbers, else the exponent of its size."""
+    exponent = int(np.frexp(mesh.extents.max())[1])
+    return exponent if abs(exponent) > MAX_EXPONENT else 0
 
 
 LENGTHS: Mapping[str, Callable[[trimesh.Trimesh], float]] = {
@@ -155,7 +176,8 @@ def edge_graph(mesh: trimesh.Trimesh) -> coo_array:
 
     n_vertices = len(mesh.vertices)
     start, end = mesh.edges_unique.T
-    length = np.tile(mesh.edges_unique_length, 2)
+    length, exponent = _edge_lengths(mesh)
+    length = np.tile(np.ldexp(length, exponent), 2)
     return coo_array((length, (np.r_[start, end], np.r_[end, start])), shape=(n_vertices, n_vertices))
 
 
@@ -175,6 +197,11 @@ def vertex_normals(mesh: trimesh.Trimesh) -> np.ndarray:
     -----
     Unlike weights by area, weights by angle do not depend on how the surface is divided into triangles.
 
+    A face that occurs several times, in either winding, counts once. Where neighbouring faces are wound differently,
+    they are treated as if the minority of a patch were reversed. At a vertex where the normals cancel even so, for
+    example in a fin without thickness, they are all taken to be on the side of the face with the largest angle. Whether
+    a triangle is degenerate is decided relative to its own edges, so that the size of the mesh does not matter.
+
     References
     ----------
     Thürmer and Wüthrich 1998, doi:10.1080/10867651.1998.10487487
@@ -188,9 +215,9 @@ def vertex_normals(mesh: trimesh.Trimesh) -> np.ndarray:
     >>> bool(np.allclose(perturb.vertex_normals(box), np.sign(box.vertices) / np.sqrt(3)))
     True
     """
-    # At unit size, because trimesh decides on an absolute scale whether a face is degenerate.
-    vertices = (np.asarray(mesh.vertices) - mesh.bounds[0]) / mesh.extents.max()
-    return as_trimesh(vertices, mesh.faces).vertex_normals
+    from perturb._normals import compute_vertex_normals
+
+    return compute_vertex_normals(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
 def random_direction(rng: np.random.Generator) -> np.ndarray:
@@ -240,9 +267,7 @@ def reason_unusable(mesh: trimesh.Trimesh) -> str | None:
 
 
 def _all_degenerate(vertices: np.ndarray, faces: np.ndarray) -> bool:
-    """Return whether no triangle has an area above rounding, relative to the size of the mesh."""
-    from heatwalk.numerics.triangles import areas  # imported here, because it loads numba
+    """Return whether no triangle has an area above rounding."""
+    from perturb._normals import is_degenerate
 
-    size = max(np.ptp(coordinate[faces]) for coordinate in vertices.T)
-    # Relative to the size: an area of 1e-60 is not degenerate on a mesh of size 1e-30.
-    return bool(size == 0 or areas(vertices / size, faces).max() < np.finfo(float).eps)
+    return bool(is_degenerate(vertices, faces).all())

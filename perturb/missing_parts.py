@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb.meshes import edge_graph, random_direction, without_faces
+from perturb.meshes import edge_graph, random_direction, size_exponent, without_faces
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
 
 if TYPE_CHECKING:
@@ -92,5 +92,5 @@ class MissingParts(Perturbation):
             return np.argsort(-vertices @ parameters["direction"], kind="stable")
         centre = parameters["centre"]
         along_edges = dijkstra(edge_graph(mesh).tocsr(), indices=centre)
-        in_space = np.linalg.norm(vertices - vertices[centre], axis=1)
+        in_space = np.linalg.norm(np.ldexp(vertices - vertices[centre], -size_exponent(mesh)), axis=1)
         return np.lexsort((in_space, along_edges))

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb.meshes import LENGTHS, moved, vertex_normals
+from perturb._displacement import displace, require_normals
+from perturb.meshes import LENGTHS, vertex_normals
 from perturb.perturbation import Parameters, Perturbation, Perturbed
 
 if TYPE_CHECKING:
@@ -29,7 +30,11 @@ class NormalNoise(Perturbation):
 
     Notes
     -----
-    Vertices without a normal (without faces, or with only degenerate ones) do not move.
+    Normals are those of `perturb.vertex_normals`, also meaningful on two-sided and inconsistently wound meshes.
+    Vertices without a normal (without faces, or with only degenerate ones) do not move; `Perturbed.applied` counts
+    them. If these are more than 1 % of the vertices with faces, a PerturbationError reports it, as it does if the
+    coordinates are so large that the displacement is lost in their rounding. `Perturbed.applied` contains the largest
+    displacement and, over the vertices that moved, the root mean square, in the mesh's own unit.
 
     References
     ----------
@@ -67,12 +72,8 @@ class NormalNoise(Perturbation):
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
         scale = self.amount * LENGTHS[self.unit](mesh)
-        displacement = scale * parameters["lengths"][:, None] * vertex_normals(mesh)
-        length = np.linalg.norm(displacement, axis=1)
-        return self.finish(
-            mesh,
-            *moved(mesh, displacement),
-            absolute_amount=float(scale),
-            vertices_moved=int(np.count_nonzero(length)),
-            largest_displacement=float(length.max()),
-        )
+        normals = vertex_normals(mesh)
+        if self.amount > 0:
+            require_normals(normals, mesh, self.name)
+        result, counterpart, facts = displace(mesh, normals, scale * parameters["lengths"], self.name)
+        return self.finish(mesh, result, counterpart, absolute_amount=float(scale), **facts)

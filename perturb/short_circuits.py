@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb.meshes import LENGTHS, as_trimesh, edge_graph
+from perturb.meshes import LENGTHS, as_trimesh, edge_graph, size_exponent
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
 
 if TYPE_CHECKING:
@@ -39,9 +39,9 @@ class ShortCircuits(Perturbation):
     end the triangle nearest to the other end is removed, and the outlines of the two triangles are joined by six
     triangles, oriented like their neighbours: a surface that was edge-manifold, watertight and consistently oriented
     remains so, and every tube lowers the Euler characteristic by 2. A strip leaves open what the other two sides would
-    close: the surface remains edge-manifold but gains a boundary, and the Euler characteristic falls by 3. No two
-    tubes share a vertex. Tubes may pass through the interior of the shape, as some do in the paper's Figure 11, and
-    are not checked for intersections.
+    close: the surface remains edge-manifold but gains a boundary, and the Euler characteristic falls by 3. No vertex
+    loses its last face, and no two tubes share a vertex. Tubes may pass through the interior of the shape, as some do
+    in the paper's Figure 11, and are not checked for intersections.
 
     If fewer than `amount` tubes can be placed from SOURCES_PER_STEP random vertices, `near` is widened in
     WIDENING_STEPS equal ratios up to ``far / MIN_DETOUR``, where SOURCES_IN_LAST_STEP vertices are tried;
@@ -96,7 +96,7 @@ class ShortCircuits(Perturbation):
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
         """Draw `vertices` (k, 2), the ends, and `triangles` (k, 2), the faces there; `near` is the limit used."""
         count = int(self.amount)
-        placement = _Placement(mesh)
+        placement = _Placement(mesh, self.bridge)
         near_used = self.near
         candidates = self._candidates(mesh, rng) if count > 0 else ()
         for near, start, end in candidates:
@@ -105,10 +105,11 @@ class ShortCircuits(Perturbation):
                 if len(placement.ends) == count:
                     break
         if len(placement.ends) < count:
+            between = ", where a strip leaves no vertex without a face" if self.bridge == "strip" else ""
             raise PerturbationError(
                 f"short_circuits: {count} tubes were requested, but only {len(placement.ends)} were found with ends "
                 f"within {self.far / self.MIN_DETOUR:g} bounding-box diagonals in space and beyond {self.far:g} along "
-                "the edges; lower amount or far"
+                f"the edges{between}; lower amount or far"
             )
         return {
             "vertices": np.array(placement.ends, dtype=np.int64).reshape(-1, 2),
@@ -117,20 +118,26 @@ class ShortCircuits(Perturbation):
         }
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
-        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        exponent = size_exponent(mesh)
+        vertices, faces = np.ldexp(np.asarray(mesh.vertices), -exponent), np.asarray(mesh.faces)
         start, end = vertices[parameters["vertices"]].transpose(1, 0, 2)
         length = np.linalg.norm(start - end, axis=1)
-        bridge_faces = _tube_faces if self.bridge == "tube" else _strip_faces
+        bridge_faces = _BRIDGE_FACES[self.bridge]
         bridges = [bridge_faces(vertices, faces[a], faces[b]) for a, b in parameters["triangles"]]
         kept = np.delete(faces, parameters["triangles"].ravel(), axis=0)
+        bridged = np.concatenate([kept, *bridges])
+        if len(np.unique(bridged)) < len(np.unique(faces)):
+            raise PerturbationError(
+                "short_circuits: a strip would leave a vertex without a face; draw the parameters with the same bridge"
+            )
         return self.finish(
             mesh,
-            as_trimesh(vertices, np.concatenate([kept, *bridges])),
+            as_trimesh(mesh.vertices, bridged),
             np.arange(len(vertices)),
             tubes=len(bridges),
             tubes_between_components=_count_between_components(mesh, parameters["vertices"]),
             near_used=float(parameters["near"]),
-            longest_tube=float(length.max(initial=0.0)),
+            longest_tube=float(np.ldexp(length.max(initial=0.0), exponent)),
             triangles_removed=2 * len(bridges),
             triangles_added=sum(map(len, bridges)),
         )
@@ -139,8 +146,10 @@ class ShortCircuits(Perturbation):
         """Yield (near, start, end): random vertices and ends far along the edges, with `near` widening."""
         from perturb._proximity import search_near_but_far  # imported here, because it loads numba
 
-        vertices, graph = np.asarray(mesh.vertices), edge_graph(mesh).tocsr()
-        diagonal = LENGTHS["bounding_box_diagonal"](mesh)
+        exponent = size_exponent(mesh)
+        vertices, graph = np.ldexp(np.asarray(mesh.vertices), -exponent), edge_graph(mesh).tocsr()
+        graph.data = np.ldexp(graph.data, -exponent)
+        diagonal = np.ldexp(LENGTHS["bounding_box_diagonal"](mesh), -exponent)
         sources = rng.permutation(np.unique(mesh.faces))
         limits = np.geomspace(self.near, self.far / self.MIN_DETOUR, self.WIDENING_STEPS + 1).tolist()
         for near in limits:
@@ -155,22 +164,29 @@ class ShortCircuits(Perturbation):
 class _Placement:
     """The tubes placed so far on a mesh: their ends (vertices), and the triangles there."""
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
+    def __init__(self, mesh: trimesh.Trimesh, bridge: str = "tube") -> None:
+        self._bridge_faces = _BRIDGE_FACES[bridge]
         self.ends: list[tuple[int, int]] = []
         self.triangles: list[tuple[int, int]] = []
         self._faces = np.asarray(mesh.faces)
-        self._vertices = np.asarray(mesh.vertices)
+        self._vertices = np.ldexp(np.asarray(mesh.vertices), -size_exponent(mesh))
         self._faces_at = mesh.faces_sparse.tocsr()
         self._occupied = np.zeros(len(mesh.vertices), dtype=bool)
 
     def try_add(self, start: int, end: int) -> bool:
-        """Place a tube between two vertices; return False if it would touch another tube or an existing edge."""
+        """Place a tube between two vertices; return False if it would touch another tube or an existing edge.
+
+        Also if a vertex would lose its last face: one that only a removed triangle has, and a strip does not use.
+        """
         a, b = self._triangle_towards(start, end), self._triangle_towards(end, start)
         corners = np.r_[self._faces[a], self._faces[b]]
         if self._occupied[corners].any() or len(np.unique(corners)) < 6:
             return False
         around = np.concatenate([self._incident_faces(corner) for corner in self._faces[a]])
         if np.isin(self._faces[b], self._faces[around]).any():
+            return False
+        off_bridge = np.setdiff1d(corners, self._bridge_faces(self._vertices, self._faces[a], self._faces[b]))
+        if any(len(self._incident_faces(corner)) < 2 for corner in off_bridge):
             return False
         self._occupied[corners] = True
         self.ends.append((start, end))
@@ -206,6 +222,9 @@ def _strip_faces(vertices: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarr
     squared = np.sum((vertices[tube[:3, 0]] - vertices[tube[3:, 2]]) ** 2, axis=1)
     side = np.argmin(squared + np.roll(squared, -1))
     return tube[[side, side + 3]]
+
+
+_BRIDGE_FACES = {"tube": _tube_faces, "strip": _strip_faces}
 
 
 def _count_between_components(mesh: trimesh.Trimesh, ends: np.ndarray) -> int:

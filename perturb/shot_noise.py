@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb.meshes import LENGTHS, moved, vertex_normals
+from perturb._displacement import displace
+from perturb.meshes import LENGTHS, vertex_normals
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
 
 if TYPE_CHECKING:
@@ -29,6 +30,11 @@ class ShotNoise(Perturbation):
     height_unit : str
         "mean_edge_length" (how Table 2 is read here) or "bounding_box_diagonal" (Figure 10, where the share is fixed
         and the height varies).
+
+    Notes
+    -----
+    Normals are those of `perturb.vertex_normals`; vertices without one do not become spikes, and `Perturbed.applied`
+    counts them, with the largest displacement and, over the spikes, the root mean square, in the mesh's own unit.
 
     References
     ----------
@@ -75,11 +81,7 @@ class ShotNoise(Perturbation):
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
         spikes = parameters["vertices"]
         height = self.height * LENGTHS[self.height_unit](mesh)
-        displacement = np.zeros((len(mesh.vertices), 3))
-        displacement[spikes] = height * parameters["signs"][:, None] * vertex_normals(mesh)[spikes]
-        return self.finish(
-            mesh,
-            *moved(mesh, displacement),
-            absolute_height=float(height),
-            vertices_moved=int(np.count_nonzero(displacement.any(axis=1))),
-        )
+        lengths = np.zeros(len(mesh.vertices))
+        lengths[spikes] = height * parameters["signs"]
+        result, counterpart, facts = displace(mesh, vertex_normals(mesh), lengths, self.name)
+        return self.finish(mesh, result, counterpart, absolute_height=float(height), **facts)

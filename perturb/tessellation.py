@@ -7,11 +7,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from perturb._welding import Packing, count_coincident, find_parts, separate_coincident
 from perturb.meshes import as_trimesh, random_direction
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
 
 if TYPE_CHECKING:
     import trimesh
+
+
+MAX_SIZE_OVER_EDGE = 1e6  # ordinary meshes have less than 1e3
 
 
 @dataclass(frozen=True)
@@ -46,8 +50,9 @@ class Tessellation(Perturbation):
     `Perturbed.applied` contains the ratio that was reached. Edges sharper than SHARP_ANGLE degrees are preserved, so a
     coarse tessellation of a shape with many of them may be impossible: a PerturbationError reports what was reached.
 
-    The counterpart of a vertex is the nearest corner of the triangle closest to it. A vertex without faces is removed,
-    except by subdivision.
+    Vertices that coincide remain apart, and components are not joined. The counterpart of a vertex is the nearest
+    corner of the triangle closest to it; on a mesh with coinciding vertices, of its own component. A vertex without
+    faces is removed, except by subdivision.
 
     References
     ----------
@@ -126,19 +131,25 @@ class Tessellation(Perturbation):
         # In a box of size 1, so that the result does not depend on the mesh's own unit.
         corner, size = mesh.bounds[0], mesh.extents.max()
         vertices = (np.asarray(mesh.vertices) - corner) / size
-        new_vertices, new_faces = self._search_density(vertices, faces, parameters)
+        part = find_parts(vertices, faces)
+        new_vertices, new_faces, new_part = self._search_density(vertices, faces, part, parameters)
         used = np.unique(faces)
         counterpart = np.full(len(vertices), -1)
-        counterpart[used] = _nearest_corners(new_vertices, new_faces, vertices[used])
+        packing = Packing(vertices, faces, part)
+        counterpart[used] = _nearest_corners(
+            packing.pack(new_vertices, new_part), new_faces, packing.pack(vertices[used], part[used])
+        )
         return as_trimesh(new_vertices * size + corner, new_faces), counterpart
 
     def _search_density(
-        self, vertices: np.ndarray, faces: np.ndarray, parameters: Parameters
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return vertices on the surface and faces, as many as requested within TOLERANCE."""
+        self, vertices: np.ndarray, faces: np.ndarray, part: np.ndarray, parameters: Parameters
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return vertices on the surface; faces, as many as requested within TOLERANCE; and the part of each vertex."""
         from trimesh.triangles import area
 
         warped = self._warp(vertices, np.unique(faces), parameters)
+        warped = Packing(warped, faces, part).pack(warped, part)
+        _require_even_size(warped, faces)
         n_target = self.amount * len(faces)
         length = np.sqrt(area(warped[faces]).sum() / n_target * 4 / np.sqrt(3))  # of equilateral triangles
         for _ in range(self.MAX_TRIES):
@@ -148,12 +159,14 @@ class Tessellation(Perturbation):
                 break
             length *= np.sqrt(ratio)
         else:
+            n_coincident = count_coincident(vertices, faces)
+            apart = f", and {n_coincident} coinciding vertices apart (merge them first)" if n_coincident else ""
             raise PerturbationError(
                 f"tessellation: {self.amount:g} times the faces were requested, but {ratio * self.amount:.3g} times "
-                f"reached, preserving edges sharper than {self.SHARP_ANGLE:g} degrees; choose a larger amount"
+                f"reached, preserving edges sharper than {self.SHARP_ANGLE:g} degrees{apart}; choose a larger amount"
             )
         triangle, weights = _closest_points(warped, faces, new_vertices)
-        return np.einsum("ij,ijk->ik", weights, vertices[faces[triangle]]), new_faces
+        return np.einsum("ij,ijk->ik", weights, vertices[faces[triangle]]), new_faces, part[faces[triangle, 0]]
 
     def _warp(self, vertices: np.ndarray, used: np.ndarray, parameters: Parameters) -> np.ndarray:
         """(n, 3) the vertices in the space in which triangles are to be equilateral and of uniform size."""
@@ -192,7 +205,7 @@ class Tessellation(Perturbation):
         import pymeshlab
 
         meshes = pymeshlab.MeshSet()
-        meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
+        meshes.add_mesh(pymeshlab.Mesh(separate_coincident(vertices, faces), faces))
         meshes.meshing_remove_unreferenced_vertices()
         # Every option is given, because pymeshlab remembers those of an earlier call.
         meshes.meshing_isotropic_explicit_remeshing(
@@ -211,6 +224,17 @@ class Tessellation(Perturbation):
         )
         remeshed = meshes.current_mesh()
         return remeshed.vertex_matrix(), remeshed.face_matrix().astype(np.int64)
+
+
+def _require_even_size(vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Raise PerturbationError for a shape next to which its own triangles are so small that MeshLab would not end."""
+    edges = np.linalg.norm(vertices[faces] - vertices[np.roll(faces, -1, axis=1)], axis=2)
+    ratio = np.ptp(vertices[faces], axis=(0, 1)).max() / max(np.median(edges), np.finfo(float).tiny)
+    if ratio > MAX_SIZE_OVER_EDGE:
+        raise PerturbationError(
+            f"tessellation: a component is {ratio:.2g} times as large as the median edge is long, possibly because of "
+            "a vertex far away; remove it"
+        )
 
 
 def _closest_points(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,8 +20,11 @@ from typing import Any, NoReturn, Self
 import numpy as np
 import trimesh
 
+from perturb._odd_meshes import odd_meshes
 from perturb.meshes import LENGTHS, as_trimesh
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed, get
+
+__all__ = ["check_perturbation", "default_meshes", "odd_meshes"]
 
 SEEDS = (0, 1)
 
@@ -77,6 +80,10 @@ def check_perturbation(
     --------
     >>> import perturb.testing
     >>> perturb.testing.check_perturbation(perturb.Scaling(amount=2.0))
+
+    See Also
+    --------
+    odd_meshes : Meshes that are no clean surfaces, on which a perturbation may raise PerturbationError.
     """
     if not isinstance(perturbation, Perturbation):
         raise AssertionError(f"{perturbation!r} is not an instance of a subclass of perturb.Perturbation")

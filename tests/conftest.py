@@ -5,6 +5,7 @@ import signal
 import zipfile
 
 import pytest
+import threadpoolctl
 import trimesh
 
 from tests.helpers.meshes import DATA
@@ -12,6 +13,14 @@ from tests.helpers.meshes import DATA
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell makes what it starts in the background ignore Ctrl-C, and children inherit that: tests of it would hang.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_configure(config):
+    """One BLAS thread per process of pytest-xdist: the waiting threads of several processes would spin."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+            os.environ.setdefault(variable, "1")  # of libraries that are loaded later, and of child processes
+        threadpoolctl.threadpool_limits(1)
 
 
 @pytest.fixture(scope="session")

@@ -8,8 +8,11 @@ from numpy.typing import NDArray
 
 from heatwalk.meshes import MeshError
 
-_UNSIGNED = re.compile(r"\s*[0-9]{1,18}\s*")  # 18 digits always fit into int64
-_SIGNED = re.compile(r"\s*[+-]?[0-9]{1,18}\s*")
+_UNSIGNED = re.compile(r"\s*[0-9]+\s*")
+_SIGNED = re.compile(r"\s*[+-]?[0-9]+\s*")
+_LINE_END = re.compile(r"\r\n|\r|\n")  # str.splitlines knows a dozen more
+_MAX_DIGITS = 18  # so many always fit into int64
+_RANGE = np.iinfo(np.int64)
 
 
 def parse_integers(text: str, expected: str = "an integer", *, signed: bool = False) -> NDArray[np.int64]:
@@ -18,7 +21,7 @@ def parse_integers(text: str, expected: str = "an integer", *, signed: bool = Fa
     Parameters
     ----------
     text : str
-        blank lines are allowed at the end only
+        blank lines are allowed at the end only, and a byte-order mark at the beginning
     expected : str
         what a line should be, for the error message
     signed : bool
@@ -32,7 +35,7 @@ def parse_integers(text: str, expected: str = "an integer", *, signed: bool = Fa
     Raises
     ------
     ValueError
-        if a line is not one integer; the message gives its number, counted from 1, and its text
+        if a line is not one integer, or one beyond 64 bits; the message gives its number, counted from 1, and its text
 
     Examples
     --------
@@ -43,9 +46,11 @@ def parse_integers(text: str, expected: str = "an integer", *, signed: bool = Fa
     ValueError: line 2 is not a label (0, 1, 2 …): '-1'
     """
     pattern = _SIGNED if signed else _UNSIGNED
-    lines = text.rstrip().splitlines()
+    text = text.removeprefix("\ufeff").rstrip()
+    lines = _LINE_END.split(text) if text else []
     for number, line in enumerate(lines, start=1):
-        if not pattern.fullmatch(line):
+        is_integer = pattern.fullmatch(line) is not None
+        if not is_integer or (len(line) > _MAX_DIGITS and not _RANGE.min <= int(line) <= _RANGE.max):
             raise ValueError(f"line {number} is not {expected}: {line[:40]!r}")
     return np.array(lines, dtype=np.int64)
 

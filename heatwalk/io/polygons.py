@@ -1,6 +1,5 @@
-"""What the readers of the mesh formats share: their result, completeness check and triangulation."""
+"""What the readers of the mesh formats share: their result, checks of its completeness, and triangulation."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,25 +7,177 @@ from numpy.typing import NDArray
 
 from heatwalk.meshes import MeshError
 
+# A fan is kept if none of its triangles is turned over by more than this fraction of the polygon's area: corners that
+# rounding moves off a straight side do not make a polygon concave.
+_TURNED_OVER = 1e-9
+
 
 class RawMesh(NamedTuple):
-    """The contents of a mesh file, unchecked: vertices (n, 3), triangles (m, 3), and the number of polygons."""
+    """The contents of a mesh file: vertices (n, 3), triangles (m, 3), the number of polygons, and what was ignored."""
 
     vertices: NDArray
     faces: NDArray
     n_polygons: int
+    notes: tuple[str, ...] = ()
 
 
-def check_complete(n_declared: int, n_found: int) -> None:
-    """Raise MeshError if a file contains fewer faces than it declares."""
+class Polygons(NamedTuple):
+    """Polygons of any size: the number of corners of each, (m,), and all corners one after the other."""
+
+    sizes: NDArray[np.int64]
+    corners: NDArray[np.int64]
+
+
+def check_complete(n_declared: int, n_found: int, kind: str = "faces") -> None:
+    """Raise MeshError if a file contains fewer elements than it declares."""
     if n_found < n_declared:
-        raise MeshError(f"declares {n_declared:,} faces but contains {n_found:,}: the file is truncated")
+        raise MeshError(f"declares {n_declared:,} {kind} but contains {n_found:,}: the file is truncated")
 
 
-def triangulate(polygons: Sequence[Sequence[int]]) -> NDArray[np.int64]:
-    """Triangles of polygons of any size, (m, 3): triangles first, then the halves of quads, then fans of the rest."""
-    if all(len(polygon) == 3 for polygon in polygons):
-        return np.array(polygons, dtype=np.int64)
-    from trimesh.geometry import triangulate_quads  # trimesh takes longer to import than most meshes to segment
+def surplus_note(surplus: bytes, record_size: int, kind: str) -> tuple[str, ...]:
+    """Note on the bytes after the last declared record; MeshError if they look like more records.
 
-    return triangulate_quads(polygons)
+    Parameters
+    ----------
+    surplus : bytes
+        what follows the last record
+    record_size : int
+        bytes of one more record
+    kind : str
+        what the records are, in the plural
+    """
+    if not surplus.strip(b"\0\x1a \t\r\n"):
+        return ()
+    if record_size and len(surplus) % record_size == 0:
+        n_more = len(surplus) // record_size
+        raise MeshError(
+            f"contains {n_more:,} more {kind} than its header declares: correct the number of {kind} in the header, or "
+            "export the file again"
+        )
+    return (f"ignored {len(surplus):,} byte{'s' * (len(surplus) != 1)} after the last of the {kind}",)
+
+
+def raw_mesh(vertices: NDArray, polygons: Polygons, notes: tuple[str, ...] = ()) -> RawMesh:
+    """Triangulated polygons, after a check of their corners: the message counts the polygons of the file."""
+    n_vertices = len(vertices)
+    invalid = (polygons.corners < 0) | (polygons.corners >= n_vertices)
+    if invalid.any():
+        first = int(np.argmax(invalid))
+        polygon = int(np.searchsorted(np.cumsum(polygons.sizes), first, side="right"))
+        raise MeshError(
+            f"face {polygon} (counted from 0) refers to vertex {polygons.corners[first]}, but there are {n_vertices} "
+            "vertices"
+        )
+    return RawMesh(vertices, triangulate(vertices, polygons), len(polygons.sizes), notes)
+
+
+def triangulate(vertices: NDArray, polygons: Polygons) -> NDArray[np.int64]:
+    """Triangles of polygons of any size, (t, 3): triangles first, then the halves of quads, then the rest.
+
+    Polygons with at least four corners become fans around their first corner (quads: halves along the diagonal from
+    it), unless the fan would leave the polygon. Then the polygon is concave, and ears are clipped from its projection
+    to the plane that its area vector is normal to. Polygons with fewer than three corners have no triangles.
+    """
+    sizes, corners = polygons
+    if (sizes == 3).all():
+        return corners.reshape(-1, 3)
+    starts = np.cumsum(sizes) - sizes
+    triangles = corners[starts[sizes == 3][:, None] + np.arange(3)]
+    quads = corners[starts[sizes == 4][:, None] + np.arange(4)]
+    halves = _halves(quads)
+    n_quads = len(quads)
+    for i in np.flatnonzero(_leaves_polygon(vertices, quads)):
+        halves[[i, n_quads + i]] = _clip_ears(vertices, quads[i])
+
+    large = np.flatnonzero(sizes > 4)
+    fan_sizes = sizes[large] - 2
+    fan_starts = np.cumsum(fan_sizes) - fan_sizes
+    step = np.arange(fan_sizes.sum()) - np.repeat(fan_starts, fan_sizes)
+    first = np.repeat(starts[large], fan_sizes)
+    fans = corners[np.column_stack([first, first + step + 1, first + step + 2])]
+    for size in np.unique(sizes[large]):
+        same = np.flatnonzero(sizes[large] == size)
+        rings = corners[starts[large[same]][:, None] + np.arange(size)]
+        for i in np.flatnonzero(_leaves_polygon(vertices, rings)):
+            at = fan_starts[same[i]]
+            fans[at : at + size - 2] = _clip_ears(vertices, rings[i])
+    return np.vstack([triangles, halves, fans])
+
+
+def _halves(quads: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The triangles of (q, 4) quads: the first half of each, then the second half of each."""
+    return np.vstack([quads[:, [0, 1, 2]], quads[:, [2, 3, 0]]])
+
+
+def _relative(vertices: NDArray, rings: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Corners of (p, k) rings relative to their first corner and the extent of the ring, (p, k, 3)."""
+    with np.errstate(all="ignore"):  # coordinates may be infinite or NaN here
+        points = np.asarray(vertices, dtype=np.float64)[rings]
+        points = points - points[:, :1]
+        extent = np.abs(points).max(axis=(1, 2), keepdims=True)
+        return points / np.where(extent > 0, extent, 1)
+
+
+def _leaves_polygon(vertices: NDArray, rings: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether the fan around the first corner of each of the (p, k) rings leaves the polygon, (p,).
+
+    In the projection along the area vector, such a fan has a triangle that is turned over.
+    """
+    points = _relative(vertices, rings)
+    with np.errstate(all="ignore"):
+        areas = np.cross(points[:, 1:-1], points[:, 2:])  # twice the area vectors of the fan's triangles
+        total = areas.sum(axis=1, keepdims=True)
+        along = (areas * total).sum(axis=2)
+        return along.min(axis=1) < -_TURNED_OVER * (total**2).sum(axis=(1, 2))
+
+
+def _clip_ears(vertices: NDArray, ring: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Triangles of one concave polygon of k corners, (k - 2, 3), in its orientation."""
+    from mapbox_earcut import triangulate_float64
+
+    points = _relative(vertices, ring[None])[0]
+    flat = _project(points)
+    found = triangulate_float64(flat, np.array([len(ring)], dtype=np.uint32)).reshape(-1, 3).astype(np.int64)
+    if not len(found):  # the corners are on a line
+        return ring[np.array(_fan(len(ring)), dtype=np.int64)]
+    a, b, c = flat[found].transpose(1, 0, 2)
+    doubled = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    if doubled.sum() < 0:
+        found = found[:, ::-1]
+    return ring[np.array(_with_all_corners(found.tolist(), len(ring)), dtype=np.int64)]
+
+
+def _project(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Coordinates of (k, 3) corners in the plane normal to their area vector, (k, 2), counterclockwise."""
+    normal = np.cross(points[1:-1], points[2:]).sum(axis=0)
+    normal /= np.linalg.norm(normal)
+    axis = np.eye(3)[np.argmin(np.abs(normal))]
+    first = np.cross(axis, normal)
+    first /= np.linalg.norm(first)
+    return np.ascontiguousarray(np.column_stack([points @ first, points @ np.cross(normal, first)]))
+
+
+def _with_all_corners(triangles: list[list[int]], size: int) -> list[list[int]]:
+    """Triangles that contain every corner: ear clipping can leave out corners on a straight side.
+
+    Each missing corner splits the triangle at that side.
+    """
+    present = sorted({corner for triangle in triangles for corner in triangle})
+    for before, after in zip(present, [*present[1:], present[0] + size], strict=True):
+        end = after % size
+        for corner in range(before + 1, after):
+            start = (corner - 1) % size
+            for i, triangle in enumerate(triangles):
+                turned = [triangle[j:] + triangle[:j] for j in range(3)]
+                side = next((t for t in turned if t[:2] == [start, end]), None)
+                if side is not None:
+                    triangles[i] = [start, corner % size, side[2]]
+                    triangles.append([corner % size, end, side[2]])
+                    break
+    # A polygon that crosses itself can give another number of triangles than one that does not.
+    return triangles if len(triangles) == size - 2 else _fan(size)
+
+
+def _fan(size: int) -> list[list[int]]:
+    """Triangles from the first corner of a polygon."""
+    return [[0, i, i + 1] for i in range(1, size - 1)]

@@ -50,4 +50,9 @@ def write_seg(path: str | Path, face_labels: ArrayLike) -> None:
     OSError
         if the file cannot be written
     """
-    Path(path).write_text("".join(f"{label}\n" for label in np.asarray(face_labels).tolist()), newline="\n")
+    Path(path).write_bytes(seg_bytes(face_labels))
+
+
+def seg_bytes(face_labels: ArrayLike) -> bytes:
+    """The contents of the file that `write_seg` writes."""
+    return "".join(f"{label}\n" for label in np.asarray(face_labels).tolist()).encode("ascii")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import re
 from abc import ABC, abstractmethod
@@ -13,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from heatwalk.io.welding import check_weld
+from heatwalk.meshes import MeshError
 from studies.planning.errors import StudyError
 from studies.planning.names import check_name
 from studies.planning.targets import check_required, construct, locate
@@ -226,3 +229,16 @@ def require_available(what: str, requested: set[str], available: set[str], listi
 def natural_order(name: str) -> list[tuple[int, str]]:
     """A sorting key that puts "model 2" before "model 10"."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"([0-9]+)", name)]
+
+
+def check_weld_option(weld: str | float | None) -> None:
+    """Raise DatasetError unless a value of the option dataset.weld can be used."""
+    try:
+        check_weld(weld)
+    except MeshError as error:
+        raise DatasetError(f"dataset.{error}") from error
+
+
+def welded_digest(digest: str, weld: str | float | None) -> str:
+    """The digest of a model whose coincident vertices are merged: another model, unless ``weld`` is None."""
+    return digest if weld is None else hashlib.sha256(f"{digest} weld={weld}".encode()).hexdigest()

@@ -8,7 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from heatwalk.io import LoadedMesh, read_mesh
-from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order
+from studies.datasets.dataset import (
+    Dataset,
+    DatasetError,
+    Model,
+    check_weld_option,
+    natural_order,
+    welded_digest,
+)
+from studies.datasets.folders import is_macos_metadata
 from studies.storage.text import encodable
 
 SUFFIXES = (".off", ".obj", ".ply", ".stl")
@@ -22,18 +30,21 @@ class FileModel(Model):
     ----------
     path : Path
         absolute path of the file
+    weld : None, "exact" or float
+        see `heatwalk.read_mesh`
     """
 
     path: Path
+    weld: str | float | None = None
 
     def load(self) -> LoadedMesh:
         """The mesh, as `heatwalk.read_mesh` reads it."""
-        return read_mesh(self.path)
+        return read_mesh(self.path, weld=self.weld)
 
     def digest(self) -> str:
-        """SHA-256 of the file."""
+        """SHA-256 of the file, and of how its vertices are merged if they are."""
         with self.path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+            return welded_digest(hashlib.file_digest(file, "sha256").hexdigest(), self.weld)
 
 
 class Files(Dataset):
@@ -46,9 +57,12 @@ class Files(Dataset):
     ----------
     glob : str or None
         a folder, a file, or a pattern with ``*``, ``?``, ``[…]``, and ``**`` for any number of folders. A relative
-        one starts at the current folder. Files whose suffix is not in ``SUFFIXES`` are ignored.
+        one starts at the current folder. Files whose suffix is not in ``SUFFIXES``, in upper or lower case, are
+        ignored, and so are the ``._*`` files of macOS.
     name : str
         name of the dataset in the results
+    weld : None, "exact" or float
+        merge coincident vertices of each mesh, see `heatwalk.read_mesh`
 
     Examples
     --------
@@ -60,7 +74,9 @@ class Files(Dataset):
     [('cats/tom', 'cats')]
     """
 
-    def __init__(self, glob: str | None, name: str = "files"):
+    def __init__(self, glob: str | None, name: str = "files", weld: str | float | None = None):
+        check_weld_option(weld)
+        self._weld = weld
         self.name = name
         self._glob = glob
 
@@ -81,7 +97,7 @@ class Files(Dataset):
         top, pattern = _split(Path(self._glob).expanduser())
         found = (Path(path) for path in glob.iglob(pattern, root_dir=top, recursive=True))
         paths = sorted(
-            (path for path in found if path.suffix.lower() in SUFFIXES and (top / path).is_file()),
+            (path for path in found if _is_mesh_name(path) and (top / path).is_file()),
             key=lambda path: natural_order(path.as_posix()),
         )
         if not paths:
@@ -96,8 +112,13 @@ class Files(Dataset):
                     f"{models[name].path} and {top / path} would both be the model {name!r}; "
                     f"give a pattern that matches one of them, such as dataset.glob='{top}/**/*{path.suffix}'"
                 )
-            models[name] = FileModel(name, encodable(path.parent.name), (top / path).absolute())
+            models[name] = FileModel(name, encodable(path.parent.name), (top / path).absolute(), self._weld)
         return list(models.values())
+
+
+def _is_mesh_name(path: Path) -> bool:
+    """Whether a file is a mesh by its name."""
+    return path.suffix.lower() in SUFFIXES and not any(is_macos_metadata(part) for part in path.parts)
 
 
 def _split(path: Path) -> tuple[Path, str]:
@@ -110,4 +131,13 @@ def _split(path: Path) -> tuple[Path, str]:
     # A folder whose name looks like a pattern, such as "meshes [1]", is that folder.
     is_pattern = (glob.has_magic(part) and not Path(*parts[: i + 1]).is_dir() for i, part in enumerate(parts))
     fixed = next((i for i, magic in enumerate(is_pattern) if magic), len(parts) - 1)
-    return Path(*parts[:fixed]), str(Path(*parts[fixed:]))
+    return Path(*parts[:fixed]), _any_case(str(Path(*parts[fixed:])))
+
+
+def _any_case(pattern: str) -> str:
+    """A pattern that matches its suffix in upper and lower case: ``*.off`` finds ``1.OFF``."""
+    suffix = Path(pattern).suffix
+    if suffix.lower() not in SUFFIXES:
+        return pattern
+    either = "".join(f"[{letter.lower()}{letter.upper()}]" for letter in suffix[1:])
+    return f"{pattern.removesuffix(suffix)}.{either}"

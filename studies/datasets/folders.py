@@ -71,7 +71,12 @@ def find(root: Path | None, contains_data: Callable[[Path | zipfile.Path], bool]
 
 def _subfolders(parent: Path | zipfile.Path) -> list[str]:
     """The names of the folders in a folder, sorted."""
-    return sorted(child.name for child in parent.iterdir() if child.is_dir())
+    return sorted(child.name for child in parent.iterdir() if child.is_dir() and not is_macos_metadata(child.name))
+
+
+def is_macos_metadata(name: str) -> bool:
+    """Whether a file or folder is one that macOS adds to foreign disks and archives: ``._1.off``, ``__MACOSX``."""
+    return name.startswith("._") or name == "__MACOSX"
 
 
 def read(file: Path | zipfile.Path, reader: Callable[[Path], Content]) -> Content:

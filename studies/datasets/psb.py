@@ -11,14 +11,24 @@ import hashlib
 import zipfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.io import LoadedMesh, read_mesh, read_seg
-from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, require_available, selected_names
-from studies.datasets.folders import find, folder, read
+from studies.datasets.dataset import (
+    Dataset,
+    DatasetError,
+    Model,
+    check_weld_option,
+    natural_order,
+    require_available,
+    selected_names,
+    welded_digest,
+)
+from studies.datasets.folders import find, folder, is_macos_metadata, read
 
 # The benchmark numbers its models by category; 261 to 280 are not part of it.
 CATEGORIES = {
@@ -78,18 +88,24 @@ class PSBModel(Model):
         folder or zip archive of the benchmark
     data : str
         path in it of the folder that contains ``off`` and ``seg``
+    file : str
+        name of the OFF file; by default the model's name with ``.off``
+    weld : None, "exact" or float
+        see `heatwalk.read_mesh`; faces keep their number and order, to which people's labels refer
     """
 
     root: Path
     data: str
+    file: str = ""
+    weld: str | float | None = None
 
     def load(self) -> LoadedMesh:
         """The mesh of the OFF file."""
-        return read(self._off(), read_mesh)
+        return read(self._off(), partial(read_mesh, weld=self.weld))
 
     def digest(self) -> str:
-        """SHA-256 of the OFF file."""
-        return hashlib.sha256(self._off().read_bytes()).hexdigest()
+        """SHA-256 of the OFF file, and of how its vertices are merged if they are."""
+        return welded_digest(hashlib.sha256(self._off().read_bytes()).hexdigest(), self.weld)
 
     def human_segmentations(self) -> list[NDArray[np.int64]]:
         """Segmentations by people.
@@ -110,12 +126,16 @@ class PSBModel(Model):
         segmentations = folder(self.root, self.data) / "seg" / "Benchmark" / self.name
         if not segmentations.is_dir():
             return []
-        files = (file for file in segmentations.iterdir() if file.name.endswith(".seg"))
+        files = (
+            file
+            for file in segmentations.iterdir()
+            if file.name.lower().endswith(".seg") and not is_macos_metadata(file.name)
+        )
         return sorted(files, key=lambda file: natural_order(file.name))
 
     def _off(self) -> Path | zipfile.Path:
         """The OFF file."""
-        return folder(self.root, self.data) / "off" / f"{self.name}.off"
+        return folder(self.root, self.data) / "off" / (self.file or f"{self.name}.off")
 
 
 class PSB(Dataset):
@@ -129,6 +149,8 @@ class PSB(Dataset):
         only models of these categories, in upper or lower case; "non_rigid" means those of `NON_RIGID`; all by default
     models : sequence of int or str, optional
         only models of these numbers; all by default. With ``categories``: models that satisfy both
+    weld : None, "exact" or float
+        merge coincident vertices of each mesh, see `heatwalk.read_mesh`
 
     Examples
     --------
@@ -148,7 +170,10 @@ class PSB(Dataset):
         root: str | Path | None,
         categories: Sequence[str] | str | None = None,
         models: Sequence[int | str] | None = None,
+        weld: str | float | None = None,
     ):
+        check_weld_option(weld)
+        self._weld = weld
         self._root = Path(root).expanduser().absolute() if root else None
         self._non_rigid = categories == "non_rigid"
         self._categories = None if self._non_rigid else selected_names("categories", categories)
@@ -168,14 +193,15 @@ class PSB(Dataset):
             two options together leave no model.
         """
         root, data = find(self._root, lambda inside: (inside / "off").is_dir(), _LAYOUT)
-        files = {file.name for file in (folder(root, data) / "off").iterdir()}
-        available = {name: category for name, category in _CATEGORY_OF.items() if f"{name}.off" in files}
+        names_of_files = sorted(file.name for file in (folder(root, data) / "off").iterdir())
+        files = {file[:-4]: file for file in names_of_files if file.lower().endswith(".off")}  # 1.OFF too
+        available = {name: category for name, category in _CATEGORY_OF.items() if name in files}
         categories, names = self._selected_categories(available, root), set(available)
         if self._names is not None:
             require_available("models", self._names, names, _spans(available), root)
             names &= self._names
         models: list[Model] = [
-            PSBModel(name, category, root, data)
+            PSBModel(name, category, root, data, files[name], self._weld)
             for name, category in available.items()
             if name in names and category in categories
         ]

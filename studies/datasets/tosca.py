@@ -106,10 +106,9 @@ class TOSCAModel(Model):
         if not self.listed:
             self._require_standard_faces(mesh)
             return np.arange(len(mesh.vertices))
-        if mesh.notes:
-            raise DatasetError(
-                f"{self._list_file()} may number other vertices than those read: {'; '.join(mesh.notes)}"
-            )
+        dropped = [note for note in mesh.notes if note.startswith("dropped")]
+        if dropped:
+            raise DatasetError(f"{self._list_file()} may number other vertices than those read: {'; '.join(dropped)}")
         points, standard = self._listed_vertices(), self._standard_pose()
         n_points = len(standard._listed_vertices())
         if len(points) != n_points:

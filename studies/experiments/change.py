@@ -30,7 +30,7 @@ from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, digest_of_code, fingerprint
 from studies.planning.targets import construct, locate
-from studies.planning.trial import Trial
+from studies.planning.trial import COLUMNS, Trial
 from studies.planning.types import expectation, has_type, wrong_types
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_of_mean, model_mean
@@ -76,8 +76,9 @@ SEGMENTS = Column(
     compact=False,
     help="Mean number of segments after and before perturbing.",
 )
-COLUMNS_BY_LEVEL = (SEGMENTER, LEVEL, UNIT, MEAN, *BOUNDS, INTERVAL, MEDIAN, PUBLISHED, SEGMENTS, TRIALS, FAILURES)
-"""What is shown of `summary` of a study without parts."""
+HIDDEN_SIZES = tuple(
+    dataclasses.replace(column, dtype="float64", shown=False) for column in COLUMNS if column.name in SIZES
+)
 
 
 @dataclass(frozen=True)
@@ -339,15 +340,10 @@ class Change(Experiment):
 
     def tables(self, rows: pd.DataFrame) -> list[Table]:
         """Change Percentage by part and level; by category too if there are several."""
-        several_parts = rows["part"].nunique() > 1
-        own = [dataclasses.replace(PART, compact=several_parts), LEVEL, UNIT]
-        further = _further_metrics(rows)
         table = Table(
             name="table",
             frame=summary(rows),
-            columns=(
-                SEGMENTER, *own, MEAN, *BOUNDS, INTERVAL, MEDIAN, PUBLISHED, *further, SEGMENTS, TRIALS, FAILURES
-            ),
+            columns=columns_by_level(rows),
             notes=self.notes,
             value="mean",
         )  # fmt: skip
@@ -356,7 +352,7 @@ class Change(Experiment):
         by_category = Table(
             name="by_category",
             frame=_by_category(rows),
-            columns=(SEGMENTER, *own, CATEGORY, MEAN, *BOUNDS, INTERVAL, MEDIAN, TRIALS),
+            columns=(SEGMENTER, PART, LEVEL, UNIT, CATEGORY, MEAN, *BOUNDS, INTERVAL, MEDIAN, TRIALS),
         )
         return [table, by_category]
 
@@ -417,6 +413,14 @@ def _part(name: str, options: Mapping[str, Any]) -> Part:
     if not isinstance(options, Mapping) or "perturbation" not in options or "levels" not in options:
         raise StudyError(f"parts.{name} needs a perturbation and levels")
     return Part(**{key: value for key, value in options.items() if key in fields})
+
+
+def columns_by_level(rows: pd.DataFrame) -> tuple[Column, ...]:
+    """The columns of `summary`, in the order in which they are shown."""
+    part = dataclasses.replace(PART, compact=rows["part"].nunique() > 1)
+    further = _further_metrics(rows)
+    before = (SEGMENTER, part, LEVEL, UNIT, MEAN, *BOUNDS, INTERVAL, MEDIAN, PUBLISHED)
+    return (*before, *further, *HIDDEN_SIZES, SEGMENTS, TRIALS, FAILURES)
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:

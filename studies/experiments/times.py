@@ -11,7 +11,7 @@ import numpy as np
 
 from studies import metrics
 from studies.columns import Column, Table
-from studies.experiments.change import COLUMNS_BY_LEVEL, summary
+from studies.experiments.change import columns_by_level, summary
 from studies.experiments.experiment import (
     FAILURES,
     MODELS,
@@ -223,7 +223,7 @@ class Times(Experiment):
         )  # fmt: skip
         return [
             Table("table", frame_of(records), columns, notes=self.notes, value="unchanged"),
-            Table("by_time", summary(rows), COLUMNS_BY_LEVEL, value="mean"),
+            Table("by_time", summary(rows), columns_by_level(rows), value="mean"),
         ]
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:

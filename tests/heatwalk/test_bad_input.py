@@ -1,4 +1,4 @@
-"""Bad input gives a valid segmentation, or one line that says what and where: from function and command."""
+"""Bad input leads to a valid segmentation or a one-line message: what is wrong, and where."""
 
 import errno
 import os
@@ -54,7 +54,7 @@ def assert_is_valid(segmentation, vertices, faces):
 
 
 def assert_command_segments(path, capsys):
-    """`segment` and `inspect` succeed, and the files hold what the function gives."""
+    """`segment` and `inspect` succeed, and the files contain the result of the function."""
     mesh = read_mesh(path)
     assert main(["inspect", str(path)]) == 0
     assert main(["segment", str(path), "--output", "out.ply"]) == 0
@@ -62,7 +62,7 @@ def assert_command_segments(path, capsys):
     segmentation = heatwalk.segment(mesh.vertices, mesh.faces)
     assert np.array_equal(read_seg("out.seg"), segmentation.face_labels)
     written = read_mesh("out.ply")
-    assert np.array_equal(written.vertices, mesh.vertices.astype(np.float32))
+    assert np.abs(written.vertices - mesh.vertices).max() <= 1e-7 * np.abs(mesh.vertices).max()
     assert np.array_equal(written.faces, mesh.faces)
 
 
@@ -83,6 +83,7 @@ PLY_FACES = "element face 4\nproperty list uchar int vertex_indices\nend_header\
 LETTER = b"Dear all,\nhere is the mesh, OFF to you.\n"
 OFF = off_text(VERTICES, FACES).encode()
 NO_OFF = "not an OFF file, or its header lacks the vertex and face counts"
+NO_PLY = "not a PLY file: it does not begin with a line 'ply'"
 NO_FACES = "not a {} file, or it has no faces or is truncated"
 NOT_MESHES = {
     "empty off": (".off", b"", "the file is empty"),
@@ -93,35 +94,39 @@ NOT_MESHES = {
     "comments only": (".off", b"# nothing\n", NO_OFF),
     "picture as off": (".off", PNG, NO_OFF),
     "picture as obj": (".obj", PNG, NO_FACES.format("OBJ")),
-    "picture as ply": (".ply", PNG, "not a PLY file, or its header declares no faces"),
-    "picture as stl": (".stl", PNG, NO_FACES.format("STL")),
+    "picture as ply": (".ply", PNG, NO_PLY),
+    "picture as stl": (
+        ".stl",
+        PNG,
+        "not an STL file, or it is truncated: .* declares 959,985,462 triangles but contains 3",
+    ),
     "text as off": (".off", LETTER, NO_OFF),
     "text as obj": (".obj", LETTER, NO_FACES.format("OBJ")),
-    "text as ply": (".ply", LETTER, "not a PLY file, or its header declares no faces"),
-    "text as stl": (".stl", LETTER, NO_FACES.format("STL")),
+    "text as ply": (".ply", LETTER, NO_PLY),
+    "text as stl": (".stl", LETTER, "not an STL file, or it is truncated: .* lacks the 84 bytes of the header"),
     "off header only": (".off", b"OFF\n", NO_OFF),
     "off counts are words": (".off", b"OFF\nfour 4 0\n", NO_OFF),
     "off counts negative": (".off", b"OFF\n-4 4 0\n", NO_OFF),
-    "off binary": (".off", b"OFF BINARY\n\0\0\0\4", NO_OFF),
+    "off binary": (".off", b"OFF BINARY\n\0\0\0\4", "a binary OFF file; save it as ASCII OFF, or as PLY"),
     "off truncated": (".off", OFF[:-8], "declares 4 faces but contains 3: the file is truncated"),
     "off face cut short": (".off", OFF[:-4], "declares 4 faces but contains 3: the file is truncated"),
     "off without faces": (".off", b"OFF\n1 0 0\n0 0 0\n", NO_FACES.format("OFF")),
     "off word among numbers": (
         ".off",
         OFF.replace(b"1.0", b"one", 1),
-        "not a valid OFF file: ValueError.*could not convert string to float: 'one'.*",
+        "line 4: 'one' is not a number",
     ),
     "obj of points": (".obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", NO_FACES.format("OBJ")),
     "obj index zero": (
         ".obj",
         b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 0 1 2\n",
-        r"face 0 \(counted from 0\) refers to vertex -1, but there are 4 vertices",
+        "line 5: a face refers to vertex 0, but OBJ counts vertices from 1",
     ),
-    "ply header cut": (".ply", PLY_HEADER.encode(), "not a PLY file, or its header declares no faces"),
+    "ply header cut": (".ply", PLY_HEADER.encode(), "the header has no line 'end_header': the file is truncated, .*"),
     "ply of points": (
         ".ply",
         (PLY_HEADER + "end_header\n0 0 0\n0 0 1\n0 1 0\n1 0 0\n").encode(),
-        "not a PLY file, or its header declares no faces",
+        "the header declares no faces; it declares vertex: .*",
     ),
     "ply of no faces": (
         ".ply",
@@ -136,7 +141,7 @@ NOT_MESHES = {
     "ply truncated in the vertices": (
         ".ply",
         (PLY_HEADER + PLY_FACES + "0 0 0\n0 0").encode(),
-        "declares 4 faces but contains 0: the file is truncated",
+        "declares 4 vertices but contains 1: the file is truncated",
     ),
     "ply index too large": (
         ".ply",
@@ -146,7 +151,7 @@ NOT_MESHES = {
     "ply of an unknown type": (
         ".ply",
         (PLY_HEADER.replace("float z", "real z") + PLY_FACES).encode() + OFF.partition(b" 0\n")[2],
-        "not a valid PLY file: KeyError.'real'.",
+        "line 6: unknown type 'real'; PLY has char, .*",
     ),
     "stl text cut": (
         ".stl",
@@ -156,7 +161,7 @@ NOT_MESHES = {
     "stl binary cut": (
         ".stl",
         b"x".ljust(80) + np.uint32(3).tobytes() + bytes(100),
-        NO_FACES.format("STL"),
+        "not an STL file, or it is truncated: .* declares 3 triangles but contains 2",
     ),
     "stl without triangles": (".stl", bytes(84), NO_FACES.format("STL")),
     "unknown suffix": (".step", b"ISO-10303-21;", "unknown suffix '.step'; supported: .off, .obj, .ply, .stl"),
@@ -233,6 +238,8 @@ def test_a_mesh_that_cannot_be_segmented_is_rejected(in_empty_folder, capsys, ve
     with pytest.raises(MeshError, match=f"^{message}$"):
         heatwalk.segment(vertices, faces)
     Path("bad.obj").write_text(obj_text(vertices, faces))
+    if "vertex -1" in message:  # 0 in the file
+        message = "line 5: a face refers to vertex 0, but OBJ counts vertices from 1"
     assert_command_refuses("bad.obj", message, capsys)
 
 
@@ -381,12 +388,7 @@ def test_coordinates_of_any_size_give_the_same_labels(in_empty_folder, capsys, s
     scaled = heatwalk.segment(cow.vertices * scale, cow.faces)
     assert np.array_equal(scaled.labels, heatwalk.segment(cow.vertices, cow.faces).labels)
     Path("cow.off").write_text(off_text(cow.vertices * scale, cow.faces))
-    if 1e-38 < scale < 1e38:
-        assert_command_segments("cow.off", capsys)
-    else:
-        assert main(["segment", "cow.off"]) == 2
-        message = "cow_segments.ply: cannot be written: coordinates outside the range of single precision"
-        assert capsys.readouterr().err == f"heatwalk: error: {message}\n"
+    assert_command_segments("cow.off", capsys)
 
 
 def test_the_smallest_closed_surface_is_segmented(in_empty_folder, capsys):

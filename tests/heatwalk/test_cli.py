@@ -1,4 +1,6 @@
+import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -181,7 +183,7 @@ def test_a_bad_mesh_ends_the_process_with_one_line_and_exit_code_2(tmp_path):
     process = run("segment", path)
     assert process.returncode == 2
     assert process.stdout == ""
-    assert process.stderr == f"heatwalk: error: {path}: declares 4 faces but contains 0: the file is truncated\n"
+    assert process.stderr == f"heatwalk: error: {path}: declares 4 vertices but contains 1: the file is truncated\n"
 
 
 def test_log_messages_of_trimesh_do_not_reach_the_user(tmp_path):
@@ -195,3 +197,118 @@ def test_log_messages_of_trimesh_do_not_reach_the_user(tmp_path):
     assert process.returncode == 0
     assert "4 vertices, 3 faces" in process.stdout
     assert process.stderr == ""
+
+
+def test_files_that_the_command_did_not_write_are_overwritten_by_force_only(in_empty_folder, capsys):
+    ground_truth = "0\n1\n" * 10
+    Path("12.seg").write_text(ground_truth)
+    command = ["segment", str(bundled_path("cow")), "--output", "12.ply"]
+    assert main(command) == 2
+    message = "exists, and this command did not write it; choose another --output, or overwrite it by --force"
+    assert stderr_line(capsys) == f"12.seg: {message}"
+    assert Path("12.seg").read_text() == ground_truth
+    assert not Path("12.ply").exists()
+    assert main([*command, "--force"]) == 0
+    labels = read_seg("12.seg")
+    assert main([*command, "--time", "2"]) == 0  # its own files
+    assert not np.array_equal(read_seg("12.seg"), labels)
+
+    Path("12.seg").write_text(ground_truth)  # the file next to 12.ply is another one now
+    assert main(command) == 2
+    assert "12.seg: exists" in stderr_line(capsys)
+    Path("12.seg").unlink()
+    Path("12.ply").write_bytes(bundled_path("ant").read_bytes())
+    assert main(command) == 2
+    assert stderr_line(capsys) == f"12.ply: {message}"
+    assert Path("12.ply").read_bytes() == bundled_path("ant").read_bytes()
+
+
+def test_welding_is_an_option_of_both_commands(in_empty_folder, capsys):
+    cow = read_mesh(bundled_path("cow"))
+    corners = cow.vertices[cow.faces].reshape(-1, 3)
+    rows = [
+        *(" ".join(map(repr, row)) for row in corners.tolist()),
+        *(f"3 {i} {i + 1} {i + 2}" for i in range(0, len(corners), 3)),
+    ]
+    Path("soup.off").write_text(f"OFF\n{len(corners)} {len(cow.faces)} 0\n" + "\n".join(rows))
+    n_positions = len(np.unique(corners, axis=0))
+    for arguments in (["inspect"], ["segment"]):
+        assert main([*arguments, "soup.off", "--weld", "exact"]) == 0
+        printed = capsys.readouterr().out
+        assert f"soup.off: {n_positions:,} vertices, {len(cow.faces):,} faces\n" in printed
+        assert f"  note: welded {len(corners):,} vertices into {n_positions:,}\n" in printed
+    for weld in ("near", "0", "-1", "1", "nan"):
+        with pytest.raises(SystemExit) as stopped:
+            main(["inspect", "soup.off", f"--weld={weld}"])
+        assert stopped.value.code == 2
+        assert "argument --weld: must be 'exact' or a positive number below 1" in capsys.readouterr().err
+
+
+def script(arguments, tail="", **environment):
+    """Run the command in a shell, with what follows it there: (exit code of the command, stdout, stderr)."""
+    program = "from heatwalk.cli import main; raise SystemExit(main())"
+    command = shlex.join([sys.executable, "-c", program, *map(str, arguments)])
+    process = subprocess.run(
+        ["bash", "-c", f"{command} {tail}; echo ${{PIPESTATUS[0]}}"],
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        capture_output=True,
+    )
+    *output, code = process.stdout.decode().rstrip().split("\n")
+    return int(code), "\n".join(output), process.stderr.decode()
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+def test_a_terminal_of_any_encoding_is_written_to(tmp_path, encoding):
+    path = tmp_path / "ant …\u4e2d.ply"
+    path.write_bytes(bundled_path("ant").read_bytes())
+    for arguments in (["segment", path, "--output", tmp_path / "…out.ply"], ["inspect", path], ["--help"]):
+        code, _, error = script(arguments, "| cat > /dev/null", PYTHONIOENCODING=encoding)
+        assert (code, error) == (0, "")
+    code, _, error = script(["inspect", tmp_path / "gone….off"], PYTHONIOENCODING=encoding)
+    assert code == 2
+    assert "cannot be read: No such file or directory" in error
+    assert "Traceback" not in error
+
+
+@pytest.mark.parametrize("command", [["segment"], ["inspect"], ["--help"], ["segment", "--help"]])
+def test_a_reader_that_ends_early_is_no_error(tmp_path, command):
+    mesh = [] if "--help" in command else [bundled_path("ant")]
+    output = ["--output", tmp_path / "out.ply"] if command == ["segment"] else []
+    for tail in ("| head -1 > /dev/null", "| true", "| (exec <&-; sleep 0.1)"):
+        code, _, error = script([*command, *mesh, *output], tail)
+        assert (code, error) == (0, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_an_output_that_cannot_be_written_to_is_one_line():
+    code, _, error = script(["inspect", bundled_path("ant")], "> /dev/full")
+    assert code == 2
+    assert error == "heatwalk: error: the standard output cannot be written: No space left on device\n"
+
+
+def test_a_cache_folder_that_cannot_be_written_is_done_without(tmp_path):
+    (tmp_path / "file").touch()
+    for folder in (tmp_path / "file", tmp_path / "file" / "below", "/proc/nowhere"):
+        code, output, error = script(["inspect", bundled_path("ant")], NUMBA_CACHE_DIR=str(folder))
+        assert (code, error) == (0, "")
+        assert "can be segmented" in output
+
+
+def test_a_full_disk_of_the_cache_is_done_without(tmp_path):
+    resource = pytest.importorskip("resource")  # not on Windows
+    assert resource.RLIMIT_FSIZE is not None
+    program = (
+        "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0));"
+        "from heatwalk.cli import main; sys.exit(main())"
+    )
+    process = subprocess.run(
+        [sys.executable, "-c", program, "inspect", str(bundled_path("ant"))],
+        cwd=ROOT,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+    )
+    assert (process.returncode, process.stderr) == (0, "")
+    assert "can be segmented" in process.stdout

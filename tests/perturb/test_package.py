@@ -11,7 +11,7 @@ import perturb
 
 ROOT = Path(__file__).parents[2]
 
-TWIST = """
+CORKSCREW = """
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -19,11 +19,11 @@ import perturb
 
 
 @dataclass(frozen=True)
-class Twist(perturb.Perturbation):
+class Corkscrew(perturb.Perturbation):
     amount: float = 0.5
     unit: str = "radians_per_diagonal"
 
-    name: ClassVar[str] = "twist"
+    name: ClassVar[str] = "corkscrew"
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("radians_per_diagonal",)}
 
     def apply(self, mesh, parameters):
@@ -46,7 +46,7 @@ def extended(tmp_path):
     package.mkdir()
     for file in (ROOT / "perturb").glob("*.py"):
         (package / file.name).write_text(file.read_text(encoding="utf-8"), encoding="utf-8")
-    (package / "twist.py").write_text(TWIST)
+    (package / "corkscrew.py").write_text(CORKSCREW)
     return tmp_path
 
 
@@ -70,24 +70,26 @@ def test_an_unknown_attribute_is_an_attribute_error():
 
 
 def test_one_more_file_is_one_more_perturbation(extended):
-    code = "import perturb; print(perturb.Twist(0.1).name, 'Twist' in dir(perturb), *perturb.names())"
-    assert python(code, extended).split() == ["twist", "True", *perturb.names(), "twist"]
+    code = "import perturb; print(perturb.Corkscrew(0.1).name, 'Corkscrew' in dir(perturb), *perturb.names())"
+    assert python(code, extended).split() == ["corkscrew", "True", *sorted([*perturb.names(), "corkscrew"])]
 
 
 def test_hydra_finds_the_class_of_an_added_file(extended):
-    code = "import hydra.utils; print(hydra.utils.instantiate({'_target_': 'perturb.Twist', 'amount': 0.2}))"
-    assert python(code, extended) == "Twist(amount=0.2, unit='radians_per_diagonal')\n"
+    code = "import hydra.utils; print(hydra.utils.instantiate({'_target_': 'perturb.Corkscrew', 'amount': 0.2}))"
+    assert python(code, extended) == "Corkscrew(amount=0.2, unit='radians_per_diagonal')\n"
 
 
 def test_an_added_file_can_derive_from_a_shipped_perturbation(extended):
-    code = TWIST.replace("perturb.Perturbation", "perturb.Scaling")
-    (extended / "perturb" / "a_twist.py").write_text(code.replace("Twist", "ATwist").replace("twist", "a_twist"))
-    code = "import perturb; print(perturb.ATwist.__mro__[1].__name__, 'a_twist' in perturb.names())"
+    code = CORKSCREW.replace("perturb.Perturbation", "perturb.Scaling")
+    (extended / "perturb" / "a_corkscrew.py").write_text(
+        code.replace("Corkscrew", "ACorkscrew").replace("corkscrew", "a_corkscrew")
+    )
+    code = "import perturb; print(perturb.ACorkscrew.__mro__[1].__name__, 'a_corkscrew' in perturb.names())"
     assert python(code, extended) == "Scaling True\n"
 
 
 def test_private_modules_and_the_conformance_suite_are_not_searched(extended):
-    (extended / "perturb" / "_twist.py").write_text(TWIST.replace('"twist"', '"hidden"'))
+    (extended / "perturb" / "_corkscrew.py").write_text(CORKSCREW.replace('"corkscrew"', '"hidden"'))
     code = (
         "import sys, perturb; print('hidden' in perturb.names(), 'perturb._proximity' in sys.modules, "
         "'perturb.testing' in sys.modules)"
@@ -96,7 +98,7 @@ def test_private_modules_and_the_conformance_suite_are_not_searched(extended):
 
 
 def test_an_error_in_an_added_file_is_reported_with_its_path(extended):
-    (extended / "perturb" / "twist.py").write_text("import no_such_module\n")
+    (extended / "perturb" / "corkscrew.py").write_text("import no_such_module\n")
     code = """
 import traceback, perturb
 try:
@@ -105,5 +107,5 @@ except ModuleNotFoundError:
     print(traceback.format_exc())
 """
     printed = python(code, extended)
-    assert str(Path("perturb", "twist.py")) in printed
+    assert str(Path("perturb", "corkscrew.py")) in printed
     assert "No module named 'no_such_module'" in printed

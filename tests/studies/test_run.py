@@ -171,7 +171,7 @@ def test_a_failed_trial_is_counted_and_said_and_the_exit_code_tells(folder):
     )
     assert done.returncode == 1
     assert "1 of 2 trials failed" in done.stdout
-    assert "bad.off: declares 1 faces but contains 0: the file is truncated" in done.stdout
+    assert "bad.off: declares 3 vertices but contains 1: the file is truncated" in done.stdout
     assert not done.stderr
     rows = pd.read_parquet(folder / "results" / "holes" / "files" / "trials.parquet").set_index("model")
     assert rows["status"].to_dict() == {"bad": "failed", "ant": "ok"}
@@ -211,14 +211,14 @@ def test_a_sweep_goes_on_past_a_study_that_fails(folder):
 def test_help_lists_what_there_is(tmp_path):
     done = run(tmp_path, "--help")
     assert done.returncode == 0
-    for word in ("decimation, holes, missing_parts", "bundled, files, psb", "+study=NAME", "repeats: 3"):
+    for word in ("decimation, holes, missing_parts", "bundled, custom, files, psb", "+study=NAME", "repeats: 3"):
         assert word in done.stdout
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), ["type +study=NAME", "NAME one of anatomy, decimation", "holes, missing_parts, normal_noise"]),
+        ((), ["type +study=NAME", "NAME one of anatomy, custom, decimation", "holes, missing_parts, normal_noise"]),
         (("+study=shotnoise",), ["Could not find 'study/shotnoise'", "shot_noise"]),
         (("+study=holes", "dataset=pbs"), ["Could not find 'dataset/pbs'", "psb"]),
         (("+study=holes", "repeat=3"), ["Could not override 'repeat'", "repeats, results_dir, trial.timeout"]),

@@ -208,7 +208,7 @@ def test_metrics_of_every_kind_pass(good):
         (metric(template="{changed}"), "its column has a template, and must have values"),
         (metric(lambda c: np.float64(change(c))), "returns float64 on the same partition.* needs a plain float"),
         (metric(lambda c: int(change(c))), "returns int on the same partition.* dtype float64 needs a plain float"),
-        (metric(lambda c: change(c), dtype="Int64", format="d"), "dtype Int64 needs a plain int"),
+        (metric(lambda c: change(c), dtype="Int64", format="d"), "returned 0.0, which is no Int64"),
         (metric(lambda c: None), "returns NoneType"),
         (
             metric(lambda c: float(len(c.mesh.faces)), lower_is_better=None),

@@ -20,7 +20,7 @@ def test_signs_are_accepted_only_on_request():
         parse_integers("-1\n+2\n")
 
 
-@pytest.mark.parametrize("line", ["", "1 2", "1.0", "one", "1e3", "0x1", "1_000", "9" * 19, "٣"])
+@pytest.mark.parametrize("line", ["", "1 2", "1.0", "one", "1e3", "0x1", "1_000", "9" * 19, "٣", "\ufeff1"])
 def test_a_line_that_is_not_one_integer_is_rejected_with_its_number(line):
     with pytest.raises(ValueError, match=rf"^line 2 is not a vertex number: {re.escape(repr(line[:40]))}$"):
         parse_integers(f"1\n{line}\n3\n", "a vertex number", signed=True)
@@ -47,3 +47,19 @@ def test_the_path_is_part_of_the_message(tmp_path):
     path.write_text("1\nx\n")
     with pytest.raises(MeshError, match=re.escape(f"{path}: line 2 is not an integer: 'x'")):
         read_integers(path)
+
+
+def test_integers_of_nineteen_digits_keep_all_of_them():
+    text = "9223372036854775807\n1000000000000000001\n0000000000000000000000007\n"
+    assert parse_integers(text).tolist() == [9223372036854775807, 1000000000000000001, 7]
+    assert parse_integers("-9223372036854775808\n", signed=True).tolist() == [-9223372036854775808]
+    with pytest.raises(ValueError, match="line 1 is not an integer: '9223372036854775808'"):
+        parse_integers("9223372036854775808\n")
+
+
+def test_a_byte_order_mark_is_passed_over_and_lines_end_with_ascii_line_ends_only(tmp_path):
+    (tmp_path / "a.seg").write_bytes(b"\xef\xbb\xbf4\r\n5\r6\n")
+    assert read_integers(tmp_path / "a.seg").tolist() == [4, 5, 6]
+    for separator in ("\u2028", "\x85", "\x0b", "\x1c"):
+        with pytest.raises(ValueError, match="line 1 is not an integer"):
+            parse_integers(f"1{separator}2\n")

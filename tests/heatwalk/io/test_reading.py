@@ -30,7 +30,7 @@ def test_a_real_mesh_comes_back_unchanged_from_every_format(tmp_path, name, suff
     again = read_bytes(tmp_path, encode(original.vertices, original.faces), suffix)
     if suffix != ".stl":
         assert is_mesh(again, original.vertices, original.faces)
-        assert again.notes == ()
+        assert not [note for note in again.notes if "coincide" not in note]
     else:
         stored = np.float32 if encode is stl_binary_bytes else np.float64
         in_file = original.vertices.astype(stored).astype(float)
@@ -84,7 +84,7 @@ def test_a_file_cut_at_any_byte_is_an_error_or_still_the_whole_mesh(tmp_path, su
         except MeshError:
             continue
         n_read += 1
-        if suffix == ".obj":  # declares no counts: what comes before the cut is a file of its own
+        if suffix == ".obj":  # declares no counts: the part before the cut is a valid file
             triangles = whole.vertices[whole.faces][: len(mesh.faces)]
             assert np.array_equal(mesh.vertices[mesh.faces], triangles)
         else:

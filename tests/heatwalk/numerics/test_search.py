@@ -1,4 +1,4 @@
-"""The tree search against the blocked exact one: the same row for every query, ties included."""
+"""The tree search compared with the exact blocked search: the same row for every query, including ties."""
 
 import subprocess
 import sys

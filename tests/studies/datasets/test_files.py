@@ -1,7 +1,9 @@
+import hashlib
 import pickle
 
 import numpy as np
 import pytest
+import trimesh
 
 from studies.datasets import DatasetError
 from studies.datasets.files import Files
@@ -105,3 +107,28 @@ def test_two_files_with_one_model_name_are_an_error_that_names_both(tmp_path):
     with pytest.raises(DatasetError, match=r"cow\.obj and .*cow\.off would both be the model 'cow'; .*\*\*/\*\.off"):
         Files(str(tmp_path)).models()
     assert len(Files(str(tmp_path / "*.off")).models()) == 1
+
+
+def test_suffixes_in_upper_case_are_found_by_every_pattern_and_files_of_macos_by_none(tmp_path):
+    for name in ("1.OFF", "2.off", "a/3.Off", "._1.OFF", "._2.off", "a/._3.off", "__MACOSX/._2.off", "__MACOSX/4.off"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    for pattern in ("", "/**/*.off", "/**/*.OFF", "/**/*"):
+        assert [model.name for model in Files(f"{tmp_path}{pattern}").models()] == ["1", "2", "a/3"]
+    for pattern in ("/._*", "/._1.OFF"):
+        with pytest.raises(DatasetError, match="no mesh"):
+            Files(f"{tmp_path}{pattern}").models()
+
+
+def test_welding_gives_other_models_and_leaves_those_without_it_as_they_were(tmp_path):
+    ant = bundled("ant")
+    corners = ant.triangles.reshape(-1, 3)
+    trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False).export(tmp_path / "ant.off")
+    plain, exact, near = (Files(str(tmp_path), weld=weld).models()[0] for weld in (None, "exact", 1e-5))
+    assert plain.digest() == hashlib.sha256((tmp_path / "ant.off").read_bytes()).hexdigest()
+    assert len({plain.digest(), exact.digest(), near.digest()}) == 3
+    assert len(plain.load().vertices) == len(corners)
+    assert len(exact.load().vertices) == len(ant.vertices)
+    assert len(near.load().faces) == len(ant.faces)
+    with pytest.raises(DatasetError, match=r"^dataset.weld='near' must be 'exact' or a positive number below 1"):
+        Files(str(tmp_path), weld="near")

@@ -173,3 +173,37 @@ def test_a_damaged_mesh_is_an_error_that_names_its_file(small, packed):
     with pytest.raises(MeshError, match=r"MeshsegBenchmark-1\.0/data/off/10\.off: ") as error:
         model.load()
     assert str(error.value).startswith(str(root))
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_suffixes_in_upper_case_are_found_and_files_of_macos_passed_over(small, packed):
+    data = small / "MeshsegBenchmark-1.0" / "data"
+    (data / "off" / "2.off").rename(data / "off" / "2.OFF")
+    people = data / "seg" / "Benchmark" / "2"
+    (people / "2_0.seg").rename(people / "2_0.SEG")
+    (people / "2_2.seg").write_bytes(b"\xef\xbb\xbf0\r\n0\r\n0\r\n2\r\n")
+    for name in ("seg/Benchmark/2/._2_0.SEG", "seg/Benchmark/2/._2_2.seg", "off/._2.off", "off/._84.off"):
+        (data / name).write_bytes(b"\0\5\x16\7")
+    copy = small / "__MACOSX" / "MeshsegBenchmark-1.0" / "data" / "off"
+    copy.mkdir(parents=True)
+    (copy / "._2.OFF").write_bytes(b"\0\5\x16\7")
+    models = PSB(as_zip(small, small / "psb.zip") if packed else small).models()
+    assert [model.name for model in models] == ["2", "10", "84"]
+    assert len(models[0].load().faces) == 4
+    assert [labels.tolist() for labels in models[0].human_segmentations()] == [
+        [0, 0, 0, 0],
+        [0, 0, 0, 2],
+        [0, 0, 0, 10],
+    ]
+    assert models[0].digest() == hashlib.sha256((data / "off" / "2.OFF").read_bytes()).hexdigest()
+
+
+def test_welded_models_keep_their_faces_and_have_another_digest(small):
+    off = "OFF\n5 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n3 0 2 1\n3 0 1 3\n3 4 3 2\n3 1 2 3\n"
+    (small / "MeshsegBenchmark-1.0" / "data" / "off" / "2.off").write_text(off)
+    plain, welded = (PSB(small, models=[2], weld=weld).models()[0] for weld in (None, "exact"))
+    assert len(plain.load().vertices) == 5
+    assert welded.load().faces.tolist() == [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    assert plain.digest() == hashlib.sha256(off.encode()).hexdigest() != welded.digest()
+    with pytest.raises(DatasetError, match=r"^dataset.weld=2 must be 'exact'"):
+        PSB(small, weld=2)

@@ -282,11 +282,15 @@ def test_a_timeout_that_the_task_itself_raises_is_its_error_and_leaves_the_worke
         pool.close()
 
 
+def exit_at_once(code):
+    os._exit(code)
+
+
 class DeadlyToRead:
     """A task that kills the worker that unpickles it."""
 
     def __reduce__(self):
-        return os._exit, (7,)
+        return exit_at_once, (7,)
 
 
 def test_a_task_that_no_worker_lives_to_start_is_given_up():

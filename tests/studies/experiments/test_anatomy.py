@@ -26,7 +26,7 @@ def test_a_row_counts_the_steps_of_the_walk_and_who_has_settled_after_each(plan,
 def test_the_table_has_the_published_share_next_to_the_computed_one():
     rows = pd.DataFrame(
         {
-            "model": ["a", "b"], "segmenter": "HeatWalk", "status": "ok",
+            "study": "anatomy", "model": ["a", "b"], "segmenter": "HeatWalk", "status": "ok",
             "n_steps": [2, 4], "n_segments": [3, 5], "dissipating": [0.1, 0.3],
             "settled_1": [0.5, 0.7], "settled_2": [0.8, 1.0], "settled_3": [1.0, 1.0],
         }

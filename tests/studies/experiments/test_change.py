@@ -78,7 +78,7 @@ def too_few_labels(vertices, faces):
     ("segmenter", "error"),
     [
         ("raise_oddly", "RuntimeError: no luck today"),
-        ("too_few_labels", "LabelError: too_few_labels gave 3 labels"),
+        ("too_few_labels", "LabelError: too_few_labels returned 3 labels"),
     ],
 )
 def test_a_segmenter_that_fails_is_a_row(ant_trial, segmenter, error):
@@ -87,7 +87,7 @@ def test_a_segmenter_that_fails_is_a_row(ant_trial, segmenter, error):
     )
     assert row["status"] == "failed"
     assert row["error"].startswith(error)
-    assert row["change_percentage"] is None
+    assert row.get("change_percentage") is None
     assert row["trial_id"] == ant_trial.trial_id
 
 
