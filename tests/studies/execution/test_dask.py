@@ -264,7 +264,7 @@ class NotRemote(Dask):
 class OnlyHere(FileModel):
     """A mesh whose file one process alone sees."""
 
-    pid: int
+    pid: int = 0
 
     def load(self):
         if os.getpid() != self.pid:
@@ -277,7 +277,7 @@ def test_meshes_reach_workers_that_do_not_see_their_files(scheduler, tmp_path, p
     (tmp_path / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n")
     words = ("dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1,0.2]", "repeats=2", *STUDY[3:5])
     planned = [
-        replace(trial, model=OnlyHere(trial.model.name, "", trial.model.path, os.getpid()))
+        replace(trial, model=OnlyHere(trial.model.name, "", trial.model.path, pid=os.getpid()))
         for trial in plan("+study=normal_noise", *words)
     ]
 
