@@ -207,7 +207,7 @@ def test_a_queue_that_takes_some_of_the_jobs_does_with_those(here, monkeypatch, 
     queue_of(
         here, monkeypatch,
         f"mkdir {here}/one 2>&- || {{ echo QOSMaxSubmitJobPerUserLimit >&2; exit 1; }}\n"
-        f"PYTHONPATH={PROJECT} sh $1 > {here}/log 2>&1 &\necho Submitted batch job 42",
+        f"cp $1 {here}/job\nPYTHONPATH={PROJECT} sh {here}/job > {here}/log 2>&1 &\necho Submitted batch job 42",
     )  # fmt: skip
     assert map_ordered(Dask(cluster=SLURM, workers=2, wait=60), square, range(4)) == [0, 1, 4, 9]
     assert "1 of 2 workers of the cluster could not be started" in capsys.readouterr().err
