@@ -20,7 +20,7 @@ from omegaconf import OmegaConf
 
 import conf
 import heatwalk
-from studies.planning.command_line import quote_command
+from studies.planning.command_line import quote_argument
 from studies.planning.configuration import instantiate_experiment
 from tests.helpers.documents import PAGES, ROOT, Block, blocks, commands
 
@@ -63,7 +63,7 @@ def run(workplace):
 
 def jobs(words):
     """The options of each job of a command: one, or several for a sweep."""
-    words = [quote_command(word) for word in words if word not in ("-m", "--multirun")]
+    words = [quote_argument(word) for word in words if word not in ("-m", "--multirun")]
     overrides = OverridesParser.create().parse_overrides(words)
     return itertools.product(*map(choices, overrides))
 

@@ -46,10 +46,8 @@ def halves(vertices, faces, deed="exit0"):
 
 
 @dataclass(frozen=True)
-class Leaving(perturb.Perturbation):
+class Leaving(perturb.Scaling):
     """Scaling, that leaves the program at a factor of 2."""
-
-    name, choices = "leaving", {"unit": ("factor",)}
 
     def apply(self, mesh, parameters):
         if self.amount == 2:

@@ -155,12 +155,8 @@ def test_a_second_process_compiles_nothing():
 
 
 def test_functions_compile_without_a_cache_if_no_folder_is_writable(monkeypatch):
-    def nowhere(function, **options):
-        if options.get("cache"):
-            raise RuntimeError(f"cannot cache function {function.__name__!r}: no locator available")
-        return function
+    def nowhere(function):
+        raise RuntimeError(f"cannot cache function {function.__name__!r}: no locator available for file")
 
-    monkeypatch.setattr(
-        "heatwalk.numerics.compilation.njit", lambda **options: lambda function: nowhere(function, **options)
-    )
-    assert compiled(len) is len
+    monkeypatch.setattr("heatwalk.numerics.compilation._OptionalCache", nowhere)
+    assert compiled(lambda number: number + 1)(1) == 2
