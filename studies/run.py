@@ -25,7 +25,7 @@ from studies.planning.command_line import (
     flags_last,
     option_names,
     quote_argument,
-    swept_folder,
+    swept_options,
 )
 from studies.terminal import INTERRUPTED, MISTAKE, SOME_FAILED, one_line, run_command
 
@@ -84,7 +84,7 @@ def _run(cfg: DictConfig) -> None:
     overrides = list(HydraConfig.get().overrides.task)
     with watch_ctrl_c():
         try:
-            study = configure(cfg, overrides, swept_folder(sys.argv[1:], overrides))
+            study = configure(cfg, overrides, swept_options(sys.argv[1:], overrides))
             outcome = run_study(study, Console())
         except (ValueError, OSError) as error:
             _fail(one_line(error))

@@ -160,6 +160,16 @@ class Dataset(ABC):
             If the data are not available, or something that was asked for is not among them.
         """
 
+    def total(self) -> int | None:
+        """How many models there are without the options that select some of them.
+
+        Returns
+        -------
+        int or None
+            None if that is not known
+        """
+        return None
+
 
 def make_dataset(options: Mapping[str, Any]) -> Dataset:
     """The dataset that the options ``dataset.*`` describe.

@@ -212,6 +212,11 @@ class PSB(Dataset):
             )
         return models
 
+    def total(self) -> int:
+        """How many models the benchmark has in the selected categories, whether they are available or not."""
+        chosen = NON_RIGID if self._non_rigid else map(_category, self._categories or CATEGORIES)
+        return sum(len(CATEGORIES[category]) for category in chosen)
+
     def _selected_categories(self, available: dict[str, str], root: Path) -> set[str]:
         """The categories that the option selects from those of the available models."""
         if self._non_rigid:

@@ -219,6 +219,12 @@ class TOSCA(Dataset):
             )
         return selected
 
+    def total(self) -> int:
+        """How many poses of the selected shapes are available."""
+        root, data = find(self._root, lambda inside: bool(_poses(inside)), _LAYOUT)
+        shapes = None if self._categories is None else {name.lower() for name in self._categories}
+        return sum(shapes is None or model.category in shapes for model in _all_models(root, data).values())
+
 
 def _all_models(root: Path, data: str) -> dict[str, TOSCAModel]:
     """Every pose in a folder, by name."""

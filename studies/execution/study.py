@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -12,7 +13,9 @@ import numpy as np
 
 from studies import storage
 from studies.experiments.experiment import row_columns
+from studies.planning.titles import counted
 from studies.planning.trial import planned_row
+from studies.reporting.origin import MadeFrom
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -70,7 +73,13 @@ def run_study(study: Study, console: Console) -> Outcome:
         if another process is writing to the study's folder
     """
     trials = study.plan()
-    console.print(f"{study.full_title}: {len(trials):,} trials", highlight=False)
+    console.print(f"{study.full_title}: {counted(len(trials), 'trial')}", highlight=False)
+    for remark in study.remarks:
+        console.print(remark, highlight=False, soft_wrap=True)
+    made = MadeFrom.of(study, trials)
+    place = storage.place(study.folder, made.origin, [planned_row(trial) for trial in trials], study.fresh)
+    _report_place(place, study, trials, console)
+    study = dataclasses.replace(study, folder=place.folder)
     if study.dry_run:
         _show_plan(study, trials, console)
         return Outcome(None)
@@ -79,14 +88,36 @@ def run_study(study: Study, console: Console) -> Outcome:
         missing = _missing(study, trials, store)
         if len(missing) < len(trials):
             console.print(f"  {len(trials) - len(missing):,} of them stored already", highlight=False)
-        _reuse_rows(_reusable(study, missing), missing, store, console)
-        _write_plan(study, trials, store)
-        ended_early = _run_missing(study, _missing(study, trials, store), store, console)
-        results = _results(study, trials, store)
+        _store_table_rows(place, store)
+        reused = _reusable(study, missing)
+        _reuse_rows(reused, missing, store, console)
+        to_run = _missing(study, trials, store)
+        _write_plan(made, place, store, reused, ran=bool(to_run))
+        ended_early = _run_missing(study, to_run, store, console)
+        results = _results(study, place, made, trials, store)
+        if place.is_part and (place.n_new or to_run):
+            _write_whole(place, store)
         if len(results.rows):
             _write_results(study, results, trials, ended_early, console)
     _report_failures(results, ended_early, console)
     return Outcome(results, ended_early, results.failures == 0 and len(results.rows) == len(trials))
+
+
+def _report_place(place: storage.Place, study: Study, trials: Sequence[Trial], console: Console) -> None:
+    """Print where results go if that is not the usual folder, and what is there already."""
+    if place.folder != study.folder:
+        console.print(
+            f"  {study.folder} has other results, which stay: these go to {place.folder}", highlight=False, soft_wrap=True
+        )
+    if place.replaced:
+        console.print(f"  {place.replaced:,} stored rows are of other meshes or code: their trials run again")
+    if place.is_part:
+        console.print(
+            f"  a part of what {place.folder} has: its {counted(len(place.others), 'other trial')} stay, and tables and "
+            f"pictures of the part go to {place.part}",
+            highlight=False,
+            soft_wrap=True,
+        )
 
 
 def _show_plan(study: Study, trials: Sequence[Trial], console: Console) -> None:
@@ -119,7 +150,12 @@ def _reusable(study: Study, missing: Sequence[Trial]) -> dict[Path, set[str]]:
     """Where the rows of missing trials are stored already; nowhere if the study is to start over."""
     if study.fresh:
         return {}
-    return storage.find_reusable(study.results_dir, study.folder, [trial.trial_id for trial in missing])
+    found: dict[Path, set[str]] = {}
+    for source in study.sources or (study.results_dir,):
+        known = set().union(*found.values()) if found else set()
+        wanted = [trial.trial_id for trial in missing if trial.trial_id not in known]
+        found |= storage.find_reusable(source, study.folder, wanted) if wanted else {}
+    return found
 
 
 def _reuse_rows(
@@ -135,12 +171,21 @@ def _reuse_rows(
         console.print(f"  {len(trial_ids):,} of them reused from {path}", highlight=False, soft_wrap=True)
 
 
-def _write_plan(study: Study, trials: Sequence[Trial], store: storage.RowStore) -> None:
+def _store_table_rows(place: storage.Place, store: storage.RowStore) -> None:
+    """Store the rows of trials that are not planned, if only the table has them, as in a fresh clone."""
+    absent = {trial_id for trial_id in place.others if trial_id not in store.status}
+    if absent and (place.folder / storage.TABLE_FILE).exists():
+        store.add_all(storage.read_reusable(place.folder / storage.TABLE_FILE, absent, failed=True))
+
+
+def _write_plan(
+    made: MadeFrom, place: storage.Place, store: storage.RowStore, reused: Mapping[Path, set[str]], *, ran: bool
+) -> None:
     """Write configuration, provenance and plan before anything runs, so that a killed study can be shown."""
     from studies.reporting.write import write_origin
 
-    write_origin(study, trials)
-    store.write_plan(trial.trial_id for trial in trials)
+    write_origin(made, place, [path.parent for path in reused], ran=ran)
+    store.write_plan([*place.others, *(i for i in made.trial_ids if i not in set(place.others))])
 
 
 def _run_missing(study: Study, missing: Sequence[Trial], store: storage.RowStore, console: Console) -> str:
@@ -174,18 +219,42 @@ def _store(row: dict[str, Any], store: storage.RowStore, labels: storage.LabelSt
     store.add({name: value for name, value in row.items() if name not in arrays})
 
 
-def _results(study: Study, trials: Sequence[Trial], store: storage.RowStore) -> Results:
+def _results(
+    study: Study, place: storage.Place, made: MadeFrom, trials: Sequence[Trial], store: storage.RowStore
+) -> Results:
+    """The results of what was planned, which may be a part of what the folder has."""
     from studies.reporting.results import Results
 
+    rows = store.frame(made.trial_ids, row_columns(study.experiment))
+    # Rows of earlier versions lack options, and call a method by another name.
+    planned = {row["trial_id"]: row for row in map(planned_row, trials)}
+    for column in ("segmenter", "segmenter_options"):
+        rows[column] = rows["trial_id"].map(lambda i, column=column: planned[i][column]).astype("string")
     return Results(
-        folder=study.folder,
+        folder=place.part,
         name=study.name,
-        title=study.full_title,
+        base_title=study.title,
         experiment=study.experiment,
-        rows=store.frame([trial.trial_id for trial in trials], row_columns(study.experiment)),
+        rows=rows,
         publication=study.publication,
         command=study.command,
+        n_models_of=made.n_models_of,
     )
+
+
+def _write_whole(place: storage.Place, store: storage.RowStore) -> None:
+    """Write the tables and curves of all that a folder has, of which a part was planned."""
+    from rich.console import Console
+
+    from studies.reporting.results import Results
+    from studies.reporting.write import write_tables
+    from studies.storage.merging import in_order
+
+    record = storage.read_config(place.folder)
+    whole = Results.of_record(place.folder, record)
+    rows = in_order(whole.rows)
+    store.write_plan(rows["trial_id"])
+    write_tables(dataclasses.replace(whole, rows=rows), Console(quiet=True))
 
 
 def _write_results(study: Study, results: Results, trials: Sequence[Trial], ended_early: str, console: Console) -> None:
@@ -193,8 +262,9 @@ def _write_results(study: Study, results: Results, trials: Sequence[Trial], ende
 
     write_tables(results, console)
     if not ended_early:
-        draw_pictures(results, trials, study.engine, console)
-    console.print(f"written to {study.folder}", highlight=False, soft_wrap=True)
+        labels = storage.LabelStore(study.folder).get
+        draw_pictures(results, trials, labels, study.engine, console)
+    console.print(f"written to {results.folder}", highlight=False, soft_wrap=True)
 
 
 def _report_failures(results: Results, ended_early: str, console: Console) -> None:

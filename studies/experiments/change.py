@@ -279,6 +279,7 @@ class Change(Experiment):
     gallery: Mapping[str, Any] | Gallery | None = field(default_factory=Gallery)
 
     def __post_init__(self) -> None:
+        checked_gallery(self.gallery)
         if not self.parts and self.perturbation is not None:
             _checked_levels("levels" if not self.title else self.title, self.levels)
 
@@ -373,7 +374,7 @@ class Change(Experiment):
         """The gallery of segmented variants."""
         from studies.figures.gallery import GalleryPicture, choose_trials
 
-        gallery = self._checked_gallery()
+        gallery = checked_gallery(self.gallery)
         good = set(rows.loc[rows["status"] == "ok", "trial_id"])
         chosen = choose_trials(trials, good, gallery.models, gallery.columns)
         if chosen:
@@ -384,27 +385,34 @@ class Change(Experiment):
         """The trials; those that the gallery will show keep their labels."""
         from studies.figures.gallery import choose_trials
 
-        gallery = self._checked_gallery()
+        gallery = checked_gallery(self.gallery)
         chosen = {
             trial.trial_id for line in choose_trials(trials, None, gallery.models, gallery.columns) for trial in line
         }
         return [dataclasses.replace(trial, keep_labels=True) if trial.trial_id in chosen else trial for trial in trials]
 
-    def _checked_gallery(self) -> Gallery:
-        from studies.figures.gallery import STYLES
 
-        options = self.gallery
-        if isinstance(options, Gallery):
-            gallery = options
-        else:
-            target = {"_target_": f"{__name__}.Gallery"}
-            gallery = construct("gallery", target | dict(options or {"models": 0}), StudyError)
-        if isinstance(gallery.models, int) and gallery.models < 0:
-            raise StudyError(f"gallery.models is {gallery.models}: it must be a whole number, or a list of names")
-        require_whole_number("gallery.columns", gallery.columns)
-        if gallery.style not in STYLES:
-            raise StudyError(f"gallery.style is {gallery.style!r}: choose one of {', '.join(STYLES)}")
-        return gallery
+def checked_gallery(options: Mapping[str, Any] | Gallery | None) -> Gallery:
+    """A gallery from its options.
+
+    Raises
+    ------
+    StudyError
+        if one of them is unknown, or has a wrong value
+    """
+    from studies.figures.gallery import STYLES
+
+    if isinstance(options, Gallery):
+        gallery = options
+    else:
+        target = {"_target_": f"{__name__}.Gallery"}
+        gallery = construct("gallery", target | dict(options or {"models": 0}), StudyError)
+    if isinstance(gallery.models, int) and gallery.models < 0:
+        raise StudyError(f"gallery.models is {gallery.models}: it must be a whole number, or a list of names")
+    require_whole_number("gallery.columns", gallery.columns)
+    if gallery.style not in STYLES:
+        raise StudyError(f"gallery.style is {gallery.style!r}: choose one of {', '.join(STYLES)}")
+    return gallery
 
 
 def _part(name: str, options: Mapping[str, Any]) -> Part:

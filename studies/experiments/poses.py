@@ -69,6 +69,14 @@ class PoseTrial(Trial):
     poses: tuple[Model, ...]
     segmenter: Segmenter
 
+    def model_names(self) -> Sequence[str]:
+        """The names of all poses of the shape."""
+        return [model.name for model in self.poses]
+
+    def digest_of(self, name: str) -> str:
+        """The digest of one of the poses."""
+        return next(model.digest() for model in self.poses if model.name == name)
+
     def known_values(self) -> dict[str, Any]:
         """The name of the second pose."""
         return {"other": self.other.name}

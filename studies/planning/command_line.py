@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 from hydra import compose, initialize_config_module
@@ -155,10 +155,8 @@ def _is_option_of_studies_alone(argument: str, bare: DictConfig, full: Sequence[
     return all(value is not None and not isinstance(value, DictConfig) for value in values)  # a DictConfig: a group
 
 
-def swept_folder(arguments: Sequence[str], job: Sequence[str]) -> str:
-    """The folder of one job of a sweep, named after the options that the sweep varies: ``segmenter.time=0.5``.
-
-    See `studies.planning.names.folder_name` for long values and those with characters that no folder may have.
+def swept_options(arguments: Sequence[str], job: Sequence[str]) -> dict[str, str]:
+    """The options that a sweep varies, but for those that have a folder of their own, with their values in one job.
 
     Parameters
     ----------
@@ -171,8 +169,20 @@ def swept_folder(arguments: Sequence[str], job: Sequence[str]) -> str:
     given = parser.parse_overrides([a for a in arguments if "=" in a and a[0] != "-"])
     swept = {o.key_or_group for o in given if o.is_sweep_override()} - set(OWN_FOLDER)
     here = parser.parse_overrides(list(job))
-    name = ",".join(f"{o.key_or_group}={o.get_value_element_as_str()}" for o in here if o.key_or_group in swept)
-    return folder_name(name) if name else ""
+    return {o.key_or_group: o.get_value_element_as_str() for o in here if o.key_or_group in swept}
+
+
+def swept_folder(swept: Mapping[str, str]) -> str:
+    """The folder of one job of a sweep.
+
+    See `studies.planning.names.folder_name` for long values and those with characters that no folder may have.
+
+    Examples
+    --------
+    >>> swept_folder({"segmenter.time": "0.5", "repeats": "2"})
+    'segmenter.time=0.5,repeats=2'
+    """
+    return folder_name(",".join(f"{key}={value}" for key, value in swept.items()))
 
 
 def option_names(arguments: Sequence[str]) -> list[str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +15,14 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from studies.datasets import make_dataset
+from studies.planning.command_line import swept_folder
 from studies.planning.errors import StudyError
 from studies.planning.names import check_name
+from studies.planning.options import check_added
 from studies.planning.targets import check_required, construct
+from studies.planning.titles import full_title
 from studies.planning.types import expectation, has_type
+from studies.storage.folders import UNPUBLISHED, is_published
 from studies.storage.text import encodable
 
 if TYPE_CHECKING:
@@ -44,9 +49,6 @@ GENERAL_OPTIONS: dict[str, Any] = {
     "dry_run": bool,
 }
 
-# Options that say where things are and who works, not what is computed.
-INCIDENTAL = ("results_dir", "dataset.root", "engine", "trial", "gallery")
-
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
@@ -61,9 +63,13 @@ class Study:
         at least one, with different names
     engine : Engine
     results_dir : Path
-        where results of all studies are, and rows that need not be computed again
+        where results of all studies are
     folder : Path
-        where the results of this study go
+        where the results of this study go, unless that folder belongs to others: see `studies.storage.placement`
+    sources : tuple of Path
+        where rows are looked for that need not be computed again
+    remarks : tuple of str
+        lines that are printed when the study starts
     on_error : {"continue", "stop"}
     retry_failed, fresh, dry_run : bool
         see conf/config.yaml
@@ -73,6 +79,10 @@ class Study:
         the configuration as it is stored with the results
     command : str
         the command that makes the results again
+    swept : dict
+        the options that a sweep varies, with their values in this job of it
+    named_models : dict
+        option -> the names of models that were typed for it, which must be in the study
     """
 
     name: str
@@ -83,6 +93,8 @@ class Study:
     engine: Engine
     results_dir: Path
     folder: Path
+    sources: tuple[Path, ...] = ()
+    remarks: tuple[str, ...] = ()
     on_error: str = "continue"
     retry_failed: bool = False
     fresh: bool = False
@@ -90,18 +102,32 @@ class Study:
     publication: Publication | None = None
     record: Mapping[str, Any]
     command: str = ""
+    swept: Mapping[str, str] = field(default_factory=dict)
+    named_models: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def plan(self) -> list[Trial]:
-        """The trials of the study, model by model."""
-        return self.experiment.plan(self.name, self.dataset, self.segmenters)
+        """The trials of the study, model by model.
+
+        Raises
+        ------
+        StudyError
+            if there are none, or if an option names a model that is not in the study
+        """
+        trials = self.experiment.plan(self.name, self.dataset, self.segmenters)
+        known = dict.fromkeys(name for trial in trials for name in trial.model_names())
+        for option, names in self.named_models.items():
+            for name in names:
+                if name not in known:
+                    raise StudyError(f"{option} contains {name!r}, which is not in the study: {_listing(list(known))}")
+        return trials
 
     @property
     def full_title(self) -> str:
-        """The title with the dataset, over tables and figures."""
-        return f"{self.title} on {self.dataset.name}"
+        """The title with dataset and methods, over tables and pictures."""
+        return full_title(self.title, self.dataset.name, [segmenter.name for segmenter in self.segmenters])
 
 
-def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "") -> Study:
+def configure(cfg: DictConfig, overrides: Sequence[str] = (), swept: Mapping[str, str] | None = None) -> Study:
     """The study that a composed configuration defines.
 
     Parameters
@@ -109,8 +135,8 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
     cfg : DictConfig
     overrides : sequence of str
         with which ``cfg`` was composed
-    subfolder : str
-        of results_dir/study/dataset, for the results
+    swept : mapping of str to str
+        the options that a sweep varies, with their values in this job: they name a folder below that of the dataset
 
     Raises
     ------
@@ -118,21 +144,26 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
         if the configuration is not a study; other ValueErrors come from the parts that refuse their options
     """
     try:
-        return _configure(cfg, overrides, subfolder)
+        return _configure(cfg, overrides, swept or {})
     except OmegaConfBaseException as error:  # such as an option that refers to one that is not there
         raise StudyError(" ".join(str(error).split())) from error
 
 
-def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Study:
+def _configure(cfg: DictConfig, overrides: Sequence[str], swept: Mapping[str, str]) -> Study:
     from studies.reporting.publication import Publication
 
     _check_general_options(cfg)
+    unused = check_added(cfg, overrides)
+    if any(_key(option).startswith("gallery.") for option in overrides):
+        from studies.experiments.change import checked_gallery
+
+        checked_gallery(_options(cfg, "gallery"))
     name = check_name("study.name", cfg.study.name)
     engine = _engine(_options(cfg, "engine"))
     if not cfg.dry_run:
         engine.warm_up()  # worker processes import what they need while this process plans
     dataset = make_dataset(_options(cfg, "dataset"))
-    results_dir = Path(cfg.results_dir).expanduser()
+    results_dir, sources, remarks = _places(cfg, overrides)
     return Study(
         name=name,
         title=encodable(cfg.title),
@@ -141,14 +172,18 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Stu
         segmenters=_segmenters(cfg, overrides),
         engine=engine,
         results_dir=results_dir,
-        folder=results_dir / name / dataset.name / subfolder,
+        folder=results_dir / name / dataset.name / (swept_folder(swept) if swept else ""),
+        sources=sources,
+        remarks=(*remarks, *unused),
         on_error=cfg.on_error,
         retry_failed=cfg.retry_failed,
         fresh=cfg.fresh,
         dry_run=cfg.dry_run,
         publication=Publication.load(cfg.publication) if cfg.publication else None,
         record=_record(cfg),
-        command=encodable(command_of(overrides)),
+        command=encodable(command_of(overrides, _root_of(cfg))),
+        swept=dict(swept),
+        named_models=_named_models(cfg, overrides),
     )
 
 
@@ -182,12 +217,66 @@ def instantiate_experiment(record: Mapping[str, Any]) -> Experiment:
     return _experiment(_options(OmegaConf.create(dict(record)), "experiment"))
 
 
-def command_of(overrides: Sequence[str]) -> str:
-    """The command that makes results again, without options about where things are."""
-    import shlex
+def command_of(overrides: Sequence[str], root: str = "") -> str:
+    """The command that makes results again: all that was typed, but for where data and results are on this machine.
 
-    kept = [option for option in overrides if not option.lstrip("+").startswith(INCIDENTAL)]
-    return f"python -m studies.run {shlex.join(kept)}"
+    Parameters
+    ----------
+    overrides : sequence of str
+    root : str
+        the last name of the path of the dataset, "" if it has none
+
+    Examples
+    --------
+    >>> command_of(["+study=holes", "dataset=psb", "dataset.root=/data/psb.zip", "levels=[1,2]"], "psb.zip")
+    "python -m studies.run +study=holes dataset=psb dataset.root=psb.zip 'levels=[1,2]'"
+    """
+    typed = [
+        option
+        for option in overrides
+        if _key(option) != "dataset.root"
+        and not (_key(option) == "results_dir" and Path(option.partition("=")[2].strip("'\"")).is_absolute())
+    ]
+    if root:
+        position = next((i + 1 for i, option in enumerate(typed) if option.startswith("dataset=")), len(typed))
+        typed.insert(position, f"dataset.root={root}")
+    return f"python -m studies.run {shlex.join(typed)}"
+
+
+def _root_of(cfg: DictConfig) -> str:
+    """The last name of the path of the dataset, "" if it has none."""
+    root = OmegaConf.select(cfg, "dataset.root")
+    return Path(str(root)).name if root else ""
+
+
+def _places(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Path, tuple[Path, ...], tuple[str, ...]]:
+    """The folder of all results, where rows are looked for, and what to say about it."""
+    results_dir = Path(cfg.results_dir).expanduser()
+    if "results_dir" in map(_key, overrides) or not is_published(results_dir):
+        return results_dir, (results_dir,), ()
+    remark = f"  {results_dir} is published and stays as it is: results go to {UNPUBLISHED}; results_dir=PATH changes that"
+    return Path(UNPUBLISHED), (Path(UNPUBLISHED), results_dir), (remark,)
+
+
+def _named_models(cfg: DictConfig, overrides: Sequence[str]) -> dict[str, list[str]]:
+    """The models that were typed for pictures. Those that a shipped study names need not be in the dataset."""
+    named = {}
+    for option in map(_key, overrides):
+        if option == "gallery.models" or option.startswith(("plates.", "figure15.")) and option.endswith(".models"):
+            models = OmegaConf.select(cfg, option)
+            if isinstance(models, ListConfig):
+                named[option] = [str(model) for model in models]
+    return named
+
+
+def _listing(names: Sequence[str]) -> str:
+    """The first names of a list, and how many there are."""
+    return ", ".join(names) if len(names) <= 12 else f"{', '.join(names[:10])}, … ({len(names)} models)"
+
+
+def _key(override: str) -> str:
+    """The name of the option that an override sets."""
+    return override.partition("=")[0].lstrip("+~")
 
 
 def _options(cfg: DictConfig, group: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,8 @@ COLUMNS: tuple[Column, ...] = (
     Column(name="dataset", dtype="string", help="Name of the dataset."),
     Column(name="model", dtype="string", help="Name of the model in its dataset."),
     Column(name="category", dtype="string", help="Category of the model, empty if the dataset has none."),
-    Column(name="segmenter", dtype="string", help="Name of the segmentation method."),
+    Column(name="segmenter", dtype="string", help="Segmentation method, with those of its options that are set."),
+    Column(name="segmenter_options", dtype="string", help="All options of the segmentation method, as JSON."),
     Column(name="part", dtype="string", help="Part of the study; the study itself if it has a single part."),
     Column(name="perturbation", dtype="string", help="Name of the perturbation, empty if nothing is perturbed."),
     Column(name="level", format="g", help="Amount of the perturbation, in `unit`."),
@@ -90,6 +91,14 @@ class Trial(ABC):
     trial_id: str
     keep_labels: bool = False
 
+    def model_names(self) -> Sequence[str]:
+        """The names of the models that the trial is about, those of other trials of its group too."""
+        return (self.model.name,)
+
+    def digest_of(self, name: str) -> str:
+        """The digest of one of these models."""
+        return self.mesh_digest
+
     def known_values(self) -> dict[str, Any]:
         """Values of the experiment's own columns that are known before the trial runs."""
         return {}
@@ -142,6 +151,7 @@ def planned_row(trial: Trial) -> dict[str, Any]:
         "model": trial.model.name,
         "category": trial.model.category,
         "segmenter": trial.segmenter_name,
+        "segmenter_options": _options_of(getattr(trial, "segmenter", None)),
         "part": trial.part,
         "perturbation": trial.perturbation_name,
         "level": trial.level,
@@ -151,6 +161,12 @@ def planned_row(trial: Trial) -> dict[str, Any]:
         "trial_id": trial.trial_id,
         **trial.known_values(),
     }
+
+
+def _options_of(segmenter: Any) -> str | None:
+    """The options of a trial's method as JSON; None if it has none, as the people of a benchmark."""
+    options = getattr(segmenter, "options", None)
+    return json.dumps(options, sort_keys=True) if isinstance(options, Mapping) else None
 
 
 def failed_row(trial: Trial, status: str, error: str) -> dict[str, Any]:

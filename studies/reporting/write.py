@@ -9,24 +9,31 @@ from typing import TYPE_CHECKING, Any
 from studies.execution import TaskFailedError, map_ordered
 from studies.reporting.results import CONFIG_FILE, PROVENANCE_FILE, Results
 from studies.reporting.text import markdown_page, print_table
-from studies.storage import TABLE_FILE, LabelStore, atomic_write, encodable
-from studies.storage.provenance import provenance
+from studies.storage import TABLE_FILE, atomic_write, encodable
+from studies.storage.merging import merge_options
+from studies.storage.provenance import MADE_WITH, provenance
+from studies.storage.records import read_config, read_provenance
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.console import Console
 
     from studies.execution import Engine
-    from studies.planning.configuration import Study
+    from studies.experiments.experiment import Labels
     from studies.planning.trial import Trial
+    from studies.reporting.origin import MadeFrom
+    from studies.storage import Place
 
 
-def write_tables(results: Results, console: Console) -> None:
-    """Write rows, tables and charts to the folder of the results, and print the main table."""
+def write_tables(results: Results, console: Console, *, rows: bool = True) -> None:
+    """Write rows, unless ``rows`` is false, tables and charts to the folder of the results; print the main table."""
     from studies.figures import drawing
 
     folder, tables = results.folder, results.report_tables
-    with atomic_write(folder / TABLE_FILE) as path:
-        results.rows.to_parquet(path, index=False)
+    if rows:
+        with atomic_write(folder / TABLE_FILE) as path:
+            results.rows.to_parquet(path, index=False)
     for name, table in tables.items():
         with atomic_write(folder / f"{name}.csv") as path:
             table.frame.to_csv(path, index=False, float_format="%.6g")
@@ -37,15 +44,55 @@ def write_tables(results: Results, console: Console) -> None:
     print_table(results.title, results.main_table, console)
 
 
-def write_origin(study: Study, trials: Sequence[Trial]) -> None:
-    """Write what is run, and what it is made with and from."""
+def write_origin(made: MadeFrom, place: Place, sources: Sequence[Path], *, ran: bool) -> None:
+    """Write what is run, and what it is made with and from.
+
+    Parameters
+    ----------
+    made : MadeFrom
+    place : Place
+        the results folder; of a part of what it has, the folder of the part gets its own files
+    sources : sequence of Path
+        the results folders that rows were taken from
+    ran : bool
+        whether trials are going to run: otherwise, when and with what the rows were made does not change
+    """
+    stored = _provenance_of(place.folder)
+    earlier = stored or next(filter(None, map(_provenance_of, sources)), {})
+    new = provenance(made.origin.meshes, made.command) | made.facts
+    if earlier and not ran:
+        new |= {key: earlier[key] for key in MADE_WITH if key in earlier}
+    if place.is_part:
+        place.part.mkdir(parents=True, exist_ok=True)
+        _write(place.part, made.origin.record, new)
+        if not (ran or place.n_new):
+            return
+        record = merge_options(read_config(place.folder), dict(made.origin.record))
+        commands = [*stored.get("earlier_commands", ()), stored.get("command", "")]
+        new["meshes_sha256"] = dict(stored.get("meshes_sha256", {})) | dict(made.origin.meshes)
+        new["earlier_commands"] = [each for each in dict.fromkeys(commands) if each not in ("", made.command)]
+        _write(place.folder, record, new)
+    elif ran or place.n_new or not stored:
+        _write(place.folder, made.origin.record, new)
+    else:
+        _write(place.folder, made.origin.record, stored)
+
+
+def _write(folder: Path, record: Mapping[str, Any], origin: Mapping[str, Any]) -> None:
     import yaml
 
-    with atomic_write(study.folder / CONFIG_FILE) as path:
-        path.write_text(yaml.safe_dump(_encodable(study.record), sort_keys=False, allow_unicode=True), "utf-8")
-    meshes = {encodable(trial.model.name): trial.mesh_digest for trial in trials}
-    with atomic_write(study.folder / PROVENANCE_FILE) as path:
-        path.write_text(json.dumps(provenance(meshes, study.command), indent=2) + "\n", "utf-8")
+    with atomic_write(folder / CONFIG_FILE) as path:
+        path.write_text(yaml.safe_dump(_encodable(record), sort_keys=False, allow_unicode=True), "utf-8")
+    with atomic_write(folder / PROVENANCE_FILE) as path:
+        path.write_text(json.dumps(origin, indent=2) + "\n", "utf-8")
+
+
+def _provenance_of(folder: Path) -> dict[str, Any]:
+    """What is stored about the origin of results; nothing if that is missing or damaged."""
+    try:
+        return read_provenance(folder)
+    except (OSError, ValueError):
+        return {}
 
 
 def _encodable(value: Any) -> Any:
@@ -57,12 +104,13 @@ def _encodable(value: Any) -> Any:
     return [_encodable(each) for each in value] if isinstance(value, list) else value
 
 
-def draw_pictures(results: Results, trials: Sequence[Trial], engine: Engine, console: Console) -> None:
+def draw_pictures(
+    results: Results, trials: Sequence[Trial], labels: Labels, engine: Engine, console: Console
+) -> None:
     """Draw the pictures of surfaces that do not exist yet. Workers compute what they show."""
     from studies.figures import drawing
     from studies.figures.pictures import is_drawn
 
-    labels = LabelStore(results.folder).get
     for picture in results.experiment.pictures(results.name, trials, results.rows, results.title, labels):
         path = results.folder / f"{picture.stem}.png"
         if is_drawn(path, picture.content):

@@ -7,7 +7,7 @@ import inspect
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -61,6 +61,19 @@ class Segmenter:
         return [options, self.version]
 
     @property
+    def options(self) -> dict[str, Any]:
+        """The options of the method, those that have their default value too, without ``_target_``."""
+        recipe = json.loads(self.recipe)
+        target = locate("segmenter", recipe["_target_"], SegmenterError)
+        plain = (str, int, float, bool, list, tuple, type(None))
+        defaults = {
+            name: parameter.default
+            for name, parameter in _signature(target).parameters.items()
+            if isinstance(parameter.default, plain)
+        }
+        return defaults | {key: value for key, value in recipe.items() if not key.startswith("_")}
+
+    @property
     def method(self) -> Any:
         """The callable that the recipe describes."""
         return _method(self.recipe)
@@ -102,7 +115,7 @@ def make_segmenter(options: Mapping[str, Any]) -> Segmenter:
     ``_target_`` names a class, whose instances are called with (vertices, faces), or any other callable, which is
     itself called with them. The other options are passed to the class, or to every call. Modules are looked for in the
     current folder too. Two attributes of an instance are used if it has them: ``name``, by default the last part of
-    ``_target_``; and ``algorithm_version``, by default a digest of the code of the package, or of the module, that
+    ``_target_``, to which options with another value than their default are added unless it is a property; and ``algorithm_version``, by default a digest of the code of the package, or of the module, that
     defines the target. Targets inside ``studies`` must declare ``algorithm_version``: the digest would change with
     every file of this project.
 
@@ -126,7 +139,7 @@ def make_segmenter(options: Mapping[str, Any]) -> Segmenter:
     --------
     >>> segmenter = make_segmenter({"_target_": "studies.segmenters.HeatWalk", "time": 0.5})
     >>> segmenter.name, segmenter.fingerprint[0]
-    ('HeatWalk', {'_target_': 'studies.segmenters.HeatWalk', 'time': 0.5})
+    ('HeatWalk (time=0.5)', {'_target_': 'studies.segmenters.HeatWalk', 'time': 0.5})
     """
     check_required("segmenter", options, _EXAMPLES, SegmenterError)
     options = dict(options)
@@ -147,7 +160,7 @@ def make_segmenter(options: Mapping[str, Any]) -> Segmenter:
     if not isinstance(target, type):
         _check_options(name, target, options)
     return Segmenter(
-        name=str(getattr(method, "name", name.rsplit(".", 1)[-1])),
+        name=_full_name(name, target, method, options),
         recipe=recipe,
         version=_version(name, target, method),
         labels_of=labels_of,
@@ -158,6 +171,22 @@ def make_segmenter(options: Mapping[str, Any]) -> Segmenter:
 def _method(recipe: str) -> Callable[..., ArrayLike]:
     """The callable that a recipe describes, made once per process: it may read the weights of a network."""
     return construct("segmenter", json.loads(recipe), SegmenterError)
+
+
+def _full_name(
+    name: str, target: Callable[..., Any], method: Callable[..., ArrayLike], options: Mapping[str, Any]
+) -> str:
+    """The name of a method with the options that do not have their default value, which tell it from others."""
+    base = str(getattr(method, "name", name.rsplit(".", 1)[-1]))
+    if isinstance(getattr(type(method), "name", None), property | cached_property):
+        return base  # the method itself says what tells it apart
+    parameters = _signature(target).parameters
+    changed = [
+        f"{key}={value}"
+        for key, value in options.items()
+        if not key.startswith("_") and not (key in parameters and parameters[key].default == value)
+    ]
+    return f"{base} ({', '.join(changed)})" if changed else base
 
 
 def _version(name: str, target: Callable[..., Any], method: Callable[..., ArrayLike]) -> int | str:

@@ -12,11 +12,16 @@ if TYPE_CHECKING:
     from studies.storage.folders import PLAN_FILE as PLAN_FILE
     from studies.storage.folders import ROWS_FILE as ROWS_FILE
     from studies.storage.folders import TABLE_FILE as TABLE_FILE
+    from studies.storage.folders import default_results as default_results
     from studies.storage.folders import planned_ids as planned_ids
     from studies.storage.folders import result_folders as result_folders
     from studies.storage.labels import LabelStore as LabelStore
     from studies.storage.locking import StoreLockedError as StoreLockedError
     from studies.storage.locking import lock_holder as lock_holder
+    from studies.storage.placement import Origin as Origin
+    from studies.storage.placement import Place as Place
+    from studies.storage.placement import place as place
+    from studies.storage.records import read_config as read_config
     from studies.storage.reuse import find_reusable as find_reusable
     from studies.storage.reuse import read_reusable as read_reusable
     from studies.storage.rows import RowStore as RowStore
@@ -28,17 +33,22 @@ if TYPE_CHECKING:
 _MODULE_OF = {
     "LOCK_FILE": "folders",
     "LabelStore": "labels",
+    "Origin": "placement",
     "PLAN_FILE": "folders",
+    "Place": "placement",
     "ROWS_FILE": "folders",
     "RowStore": "rows",
     "StoreLockedError": "locking",
     "StoredRows": "rows",
     "TABLE_FILE": "folders",
     "atomic_write": "atomic",
+    "default_results": "folders",
     "encodable": "text",
     "find_reusable": "reuse",
     "lock_holder": "locking",
+    "place": "placement",
     "planned_ids": "folders",
+    "read_config": "records",
     "read_reusable": "reuse",
     "read_rows": "rows",
     "result_folders": "folders",

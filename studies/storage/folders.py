@@ -11,8 +11,23 @@ PLAN_FILE = "planned.txt"  # one trial_id per line, in the order of the last pla
 LOCK_FILE = "trials.lock"  # locked by the process that writes to the folder
 LABELS_FOLDER = "labels"  # arrays of single trials
 
+# A folder of results that contains this file, whose text is on the page of the results, is written to only by a command
+# that names it: by default, results go to another one then.
+PUBLISHED_FILE = "PUBLISHED.md"
+RESULTS, UNPUBLISHED = "results", "runs"
+
 _BACKUP_SUFFIX = ".before-%Y%m%dT%H%M%S"
 IS_BACKUP = re.compile(r"\.before-[0-9]{8}T[0-9]{6}$")
+
+
+def is_published(results: Path) -> bool:
+    """Whether a folder of results is written to only if it is named."""
+    return (results / PUBLISHED_FILE).is_file()
+
+
+def default_results() -> Path:
+    """The folder of results that commands use if none is named."""
+    return Path(UNPUBLISHED if is_published(Path(RESULTS)) else RESULTS)
 
 
 def result_folders(results: Path | str) -> list[Path]:

@@ -13,16 +13,12 @@ from studies.columns import Column
 from studies.planning.trial import TIMINGS
 from studies.storage.atomic import atomic_write
 from studies.storage.folders import planned_ids, result_folders
+from studies.storage.identity import differences, identity
 from studies.storage.records import CONFIG_FILE, PROVENANCE_FILE, read_config, read_provenance
 from studies.storage.rows import RowStore, read_rows
 
 if TYPE_CHECKING:
     import pandas as pd
-
-# Options in which two folders may differ: where and how trials run, and which of them. All others determine the
-# trial_ids or the tables.
-MAY_DIFFER = ("engine", "results_dir", "trial", "gallery", "on_error", "retry_failed", "fresh", "dry_run", "repeats")
-MAY_DIFFER_IN_DATASET = ("root", "glob", "models", "categories")
 
 Options = dict[str, Any]
 
@@ -117,7 +113,7 @@ def merge(
         store.add_all(_as_dicts(new))
         planned = [trial_id for folder in (first, second) for trial_id in planned_ids(folder) or ()]
         store.write_plan(dict.fromkeys([*rows["trial_id"], *planned]))
-        options = _merge_options(a, b)
+        options = merge_options(a, b)
         with atomic_write(into / CONFIG_FILE) as path:
             path.write_text(yaml.safe_dump(options, sort_keys=False, allow_unicode=True), "utf-8")
         meshes = origin_a["meshes_sha256"] | origin_b["meshes_sha256"]
@@ -139,33 +135,9 @@ def _read_provenance(folder: Path) -> dict[str, Any]:
 
 
 def _check_options(a: Options, b: Options, first: Path, second: Path) -> None:
-    flat_a, flat_b = _flat(_comparable(a)), _flat(_comparable(b))
-    for key in sorted(flat_a.keys() | flat_b.keys()):
-        if flat_a.get(key) != flat_b.get(key):
-            raise MergeError(f"{key} is {flat_a.get(key)!r} in {first} and {flat_b.get(key)!r} in {second}")
-
-
-def _comparable(options: Options) -> Options:
-    """Options without those that may differ."""
-    kept = _without(options, (*MAY_DIFFER, "levels"))
-    kept["dataset"] = _without(kept["dataset"], MAY_DIFFER_IN_DATASET)
-    if kept.get("parts"):
-        kept["parts"] = {name: _without(part, ("levels",)) for name, part in kept["parts"].items()}
-    return kept
-
-
-def _without(options: Mapping[str, Any], names: Sequence[str]) -> Options:
-    return {key: value for key, value in options.items() if key not in names}
-
-
-def _flat(options: Any, prefix: str = "") -> Options:
-    """Nested dicts as one, keyed by dotted names."""
-    if not isinstance(options, dict) or not options:
-        return {prefix: options}
-    flat: Options = {}
-    for key, value in options.items():
-        flat |= _flat(value, f"{prefix}.{key}" if prefix else str(key))
-    return flat
+    flat_a, flat_b = identity(a), identity(b)
+    for key in sorted(differences(flat_a, flat_b) | differences(flat_b, flat_a)):
+        raise MergeError(f"{key} is {flat_a.get(key)!r} in {first} and {flat_b.get(key)!r} in {second}")
 
 
 def _check_versions(a: Mapping[str, Any], b: Mapping[str, Any], first: Path, second: Path) -> None:
@@ -185,12 +157,16 @@ def _merge_rows(a: "pd.DataFrame", b: "pd.DataFrame", first: Path, second: Path)
     import pandas as pd
 
     _check_results(a, b, first, second)
-    rows = pd.concat([a, b], ignore_index=True)
-    keys = [rows[key].factorize()[0] for key in ("level", "part", "segmenter", "model")]
-    rows = rows.iloc[np.lexsort([rows["repeat"].to_numpy(), *keys])]
+    rows = in_order(pd.concat([a, b], ignore_index=True))
     failed = rows["status"] != "ok"
     kept = pd.concat([rows[~failed], rows[failed]]).drop_duplicates("trial_id").index
     return rows[rows.index.isin(kept)].reset_index(drop=True)
+
+
+def in_order(rows: "pd.DataFrame") -> "pd.DataFrame":
+    """Rows by model, segmenter, part and level as these first occur, and by repeat."""
+    keys = [rows[key].factorize()[0] for key in ("level", "part", "segmenter", "model")]
+    return rows.iloc[np.lexsort([rows["repeat"].to_numpy(), *keys])]
 
 
 def _check_results(a: "pd.DataFrame", b: "pd.DataFrame", first: Path, second: Path) -> None:
@@ -218,7 +194,7 @@ def _as_dicts(rows: "pd.DataFrame") -> list[dict[str, Any]]:
     return pyarrow.Table.from_pandas(rows, preserve_index=False).to_pylist()
 
 
-def _merge_options(a: Options, b: Options) -> Options:
+def merge_options(a: Options, b: Options) -> Options:
     """The options of ``a`` with the levels, repeats and models of both."""
     merged = dict(a)
     merged["levels"] = _union(a.get("levels"), b.get("levels"))
@@ -229,7 +205,7 @@ def _merge_options(a: Options, b: Options) -> Options:
             name: part | ({"levels": _union(part["levels"], b["parts"][name]["levels"])} if part.get("levels") else {})
             for name, part in a["parts"].items()
         }
-    merged["repeats"] = max(a["repeats"], b["repeats"])
+    merged["repeats"] = max(a.get("repeats", 1), b.get("repeats", 1))
     merged["dataset"] = dict(a["dataset"])
     for key in ("models", "categories"):
         if key in merged["dataset"]:
@@ -240,4 +216,10 @@ def _merge_options(a: Options, b: Options) -> Options:
 
 
 def _union(a: Sequence[Any] | None, b: Sequence[Any] | None) -> list[Any]:
-    return list(dict.fromkeys([*(a or ()), *(b or ())]))
+    """The values of both, each once; sorted if those of ``a`` are."""
+    union = list(dict.fromkeys([*(a or ()), *(b or ())]))
+    is_numeric = all(isinstance(value, int | float) for value in union)
+    for descending in (False, True):
+        if is_numeric and list(a or ()) == sorted(a or (), reverse=descending):
+            return sorted(union, reverse=descending)
+    return union

@@ -30,6 +30,10 @@ PACKAGES = (
 )
 
 
+# What tells when and with what results were made.
+MADE_WITH = ("made", "commit", "version", "algorithm_version", "python", "platform", "packages", "segmenter_versions")
+
+
 def provenance(meshes: Mapping[str, str], command: str) -> dict[str, Any]:
     """What the results of a study are made with and from, for provenance.json.
 

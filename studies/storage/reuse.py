@@ -39,13 +39,15 @@ def find_reusable(results: Path | str, folder: Path, trial_ids: Iterable[str]) -
     return found
 
 
-def read_reusable(path: Path, trial_ids: Collection[str]) -> Iterator[dict[str, Any]]:
+def read_reusable(path: Path, trial_ids: Collection[str], *, failed: bool = False) -> Iterator[dict[str, Any]]:
     """The successful rows of trials in a file that `find_reusable` found.
 
     Parameters
     ----------
     path : Path
     trial_ids : collection of str
+    failed : bool
+        the rows of trials that failed too
 
     Yields
     ------
@@ -62,7 +64,7 @@ def read_reusable(path: Path, trial_ids: Collection[str]) -> Iterator[dict[str, 
             table = file.read()
         wanted = pyarrow.array(list(trial_ids), table["trial_id"].type)
         rows = table.filter(compute.is_in(table["trial_id"], wanted)).to_pylist()
-    return (row for row in rows if row["status"] == "ok")
+    return (row for row in rows if failed or row["status"] == "ok")
 
 
 def _source(folder: Path) -> Path | None:

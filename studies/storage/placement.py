@@ -1,0 +1,226 @@
+"""Which folder a study writes to, and whether it is the whole of what the folder contains or a part of it.
+
+A results folder belongs to what `identity` finds in its configuration, on the same data. The same study going on (more
+repeats, other levels or models) adds to it; another method, perturbation or dataset gets a folder of its own below.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from studies.planning.errors import StudyError
+from studies.planning.names import folder_name
+from studies.storage.folders import ROWS_FILE, TABLE_FILE, planned_ids, result_folders, table_is_current
+from studies.storage.identity import differences, identity, selection, short_digest, words
+from studies.storage.records import read_config, read_provenance
+from studies.storage.rows import parse_rows, read_table_columns
+
+# What tells the trials of a folder apart, whatever code or mesh they were made with.
+SLOT = ("model", "other", "segmenter", "part", "level", "repeat")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What rows are made from: options, meshes, and code.
+
+    Parameters
+    ----------
+    record : mapping
+        the configuration, as in config.yaml
+    meshes : mapping of str to str
+        name of each model -> digest of its mesh
+    versions : mapping of str to int or str
+        name of each method -> its version
+    """
+
+    record: Mapping[str, Any]
+    meshes: Mapping[str, str]
+    versions: Mapping[str, int | str]
+
+    @classmethod
+    def read(cls, folder: Path) -> Origin | None:
+        """What is stored about the rows of a folder; None if their configuration is missing or damaged."""
+        try:
+            record = read_config(folder)
+        except (OSError, StudyError):
+            return None
+        try:
+            stored = read_provenance(folder)
+        except (OSError, StudyError):
+            stored = {}
+        meshes = stored.get("meshes_sha256")
+        versions = stored.get("segmenter_versions")
+        return cls(
+            record,
+            meshes if isinstance(meshes, Mapping) else {},
+            # Earlier versions stored that of the Heat Walk alone.
+            versions if isinstance(versions, Mapping) else {"HeatWalk": stored.get("algorithm_version", 1)},
+        )
+
+    def is_of(self, other: Origin) -> bool:
+        """Whether rows of both belong together, but for the versions of meshes and code."""
+        return identity(self.record) == identity(other.record) and self._has_data_of(other)
+
+    def is_current(self, other: Origin) -> bool:
+        """Whether rows of both were made by the same code and from the same meshes."""
+        return _agree(self.meshes, other.meshes) and _agree(self.versions, other.versions)
+
+    def _has_data_of(self, other: Origin) -> bool:
+        """Whether both use the same dataset, of which each may have a part.
+
+        The same pattern of files is the same dataset, even if a file was edited in between. With another pattern, one
+        must have all files of the other. A folder or archive is known by its last name alone, and by its meshes.
+        """
+        a, b = (origin.record["dataset"] for origin in (self, other))
+        common = self.meshes.keys() & other.meshes.keys()
+        changed = {name for name in common if self.meshes[name] != other.meshes[name]}
+        if "glob" in a or "glob" in b:
+            if a.get("glob") == b.get("glob"):
+                return True
+            return not changed and len(common) == min(len(self.meshes), len(other.meshes))
+        if "root" not in a:
+            return True
+        return not changed or (a.get("root") == b.get("root") and changed != common)
+
+
+def _agree(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
+    return all(a[name] == b[name] for name in a.keys() & b.keys())
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the rows of a study go, and which rows are there already.
+
+    Parameters
+    ----------
+    folder : Path
+        the results folder
+    others : tuple of str
+        the trial_ids in the folder that the study does not plan: the study is a part of the whole then
+    part : Path
+        the folder for the tables and pictures of the part; the same as ``folder`` if there are no others
+    replaced : int
+        rows in the folder that were made with other code or from other meshes, which the study replaces
+    n_new : int
+        trials that the study plans and the folder does not list yet
+    """
+
+    folder: Path
+    others: tuple[str, ...] = ()
+    part: Path = Path()
+    replaced: int = 0
+    n_new: int = 0
+
+    @property
+    def is_part(self) -> bool:
+        """Whether the folder has more than what the study plans."""
+        return bool(self.others)
+
+
+def place(base: Path, origin: Origin, planned: Sequence[Mapping[str, Any]], fresh: bool = False) -> Place:
+    """Where a study writes.
+
+    Parameters
+    ----------
+    base : Path
+        the folder of the study and its dataset
+    origin : Origin
+        of the rows that it makes
+    planned : sequence of mapping
+        a row for each of its trials, with trial_id and what of ``SLOT`` is known
+    fresh : bool
+        whether it starts over: what its own folder contains is moved away
+
+    Returns
+    -------
+    Place
+    """
+    folder = _own_folder(base, origin)
+    if fresh:
+        return Place(folder, part=folder, n_new=len(planned))
+    owner = Origin.read(folder)
+    stored = _stored(folder)
+    planned_slots = {_slot(row): row["trial_id"] for row in planned}
+    ids = {row["trial_id"] for row in planned}
+    of_same_slots = {_slot(row): row["trial_id"] for row in stored if _slot(row) in planned_slots}
+    outdated = [slot for slot, trial_id in of_same_slots.items() if trial_id not in ids]
+    is_current = not outdated and (owner is None or owner.is_current(origin))
+    if is_current:
+        listed = _listed(folder, stored)
+        others = tuple(i for i in listed if i not in ids)
+        part = folder / _part_name(owner, origin, ids) if others else folder
+        return Place(folder, others, part, n_new=len(ids - set(listed)))
+    if all(_slot(row) in planned_slots for row in stored):
+        return Place(folder, part=folder, replaced=len(outdated), n_new=len(ids))
+    # Rows of two versions are never mixed, and a part never replaces the whole.
+    changed = {"version": short_digest([dict(origin.versions), sorted(origin.meshes.items())])}
+    chosen = differences(selection(owner.record), selection(origin.record)) if owner else {}
+    return place(folder / folder_name(words(chosen | changed)), origin, planned)
+
+
+def _own_folder(base: Path, origin: Origin) -> Path:
+    """The folder at or below ``base`` that belongs to the origin, or a free one."""
+    owner = Origin.read(base)
+    if owner is None or owner.is_of(origin) or not _has_rows(base):
+        return base
+    for folder in result_folders(base):
+        other = Origin.read(folder) if folder.parent == base else None
+        if other and other.is_of(origin):
+            return folder
+    changed = differences(identity(owner.record), identity(origin.record))
+    if not changed:
+        data = {key: origin.record["dataset"].get(key) for key in ("glob", "root")}
+        changed = {f"dataset.{key}": value for key, value in data.items() if value != owner.record["dataset"].get(key)}
+    folder = base / folder_name(words(changed) or f"dataset-{short_digest(sorted(origin.meshes.items()))}")
+    if not _has_rows(folder):
+        return folder
+    return folder.with_name(folder_name(f"{folder.name}-{short_digest([identity(origin.record), dict(origin.meshes)])}"))
+
+
+def _has_rows(folder: Path) -> bool:
+    rows = folder / ROWS_FILE
+    return (folder / TABLE_FILE).exists() or (rows.exists() and rows.stat().st_size > 0)
+
+
+def _part_name(owner: Origin | None, origin: Origin, ids: Iterable[str]) -> str:
+    """The name of the folder for a part of the whole, after the options that choose it."""
+    chosen = differences(selection(owner.record), selection(origin.record)) if owner else {}
+    return folder_name(words(chosen) or f"part-{short_digest(sorted(ids))}")
+
+
+def _listed(folder: Path, stored: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The trial_ids that the folder is about, of which some need not have run yet."""
+    planned = planned_ids(folder)
+    return planned if planned is not None else [row["trial_id"] for row in stored]
+
+
+def _stored(folder: Path) -> list[dict[str, Any]]:
+    """The stored rows of the folder's last plan, with the columns of ``SLOT``; none if they cannot be read."""
+    names = ["trial_id", *SLOT]
+    if table_is_current(folder):
+        try:
+            columns = read_table_columns(folder / TABLE_FILE, names)
+        except (OSError, ValueError):
+            return []
+        if "trial_id" not in columns:
+            return []
+        return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+    listed = planned_ids(folder)
+    kept = None if listed is None else set(listed)
+    rows = {
+        row["trial_id"]: {name: row.get(name) for name in names}
+        for row in parse_rows(folder / ROWS_FILE)
+        if row is not None and (kept is None or row["trial_id"] in kept)
+    }
+    return list(rows.values())
+
+
+def _slot(row: Mapping[str, Any]) -> str:
+    """What tells a trial apart, whatever it was made with."""
+    values = [row.get(name) or 0 if name in ("level", "repeat") else row.get(name) or "" for name in SLOT]
+    return json.dumps(values, default=str)
+
