@@ -90,13 +90,15 @@ class Column:
         compact : bool
             leave out the interval behind a value
         """
-        template = self.template or f"{{{self.name}:{self.format}}}"
-        names = [name for _, name, _, _ in string.Formatter().parse(template) if name]
+        names = [name for _, name, _, _ in string.Formatter().parse(self.template) if name] or [self.name]
         if is_missing(row.get(names[0])):
             return MISSING
-        shown = template.format(**{name: row[name] for name in names})
-        if self.dtype == "string" and not self.template:
-            shown = shown.replace("_", " ")
+        if self.template:
+            shown = self.template.format(**{name: row[name] for name in names})
+        else:
+            shown = format(row[self.name], self.format)
+            if self.dtype == "string":
+                shown = shown.replace("_", " ")
         if compact or self.bounds is None or is_missing(row.get(self.bounds[0])):
             return shown
         low, high = (format(row[bound], self.format) for bound in self.bounds)

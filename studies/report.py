@@ -7,21 +7,24 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from studies.storage import default_results
 from studies.terminal import MISTAKE, SUCCESS, one_line, run_command
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="studies.report", description=__doc__)
-    parser.add_argument("results", nargs="?", type=Path, default=Path("results"), help="folder (default: results)")
-    root = parser.parse_args(arguments).results
+    parser.add_argument("results", nargs="?", type=Path, help="folder (default: where studies.run writes)")
+    root = parser.parse_args(arguments).results or default_results()
 
     from rich.console import Console
 
     from studies.reporting.page import page, sorted_by_section, study_folders
     from studies.reporting.results import Results
+    from studies.reporting.sweeps import sweeps_of, write_sweep
     from studies.reporting.write import write_tables
     from studies.storage import atomic_write, encodable
+    from studies.storage.folders import table_is_current
 
     console = Console()
     found, unreadable = [], []
@@ -29,19 +32,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             study = Results.load(folder)
             if not study.rows.empty:
-                write_tables(study, console)
+                write_tables(study, console, rows=not table_is_current(folder))
                 page([study], root)
                 found.append(study)
         except Exception as error:  # whatever a file leads to that a study did not write
             unreadable.append(f"{folder.relative_to(root).as_posix()}: cannot be read: {one_line(error)}")
     for line in unreadable:
         print(line)
+    sweeps = sweeps_of(found)
+    for sweep in sweeps:
+        write_sweep(sweep, console)
     if not found:
         print(f"studies.report: error: no rows of a study that can be read under {root}", file=sys.stderr)
         return MISTAKE
     try:
         with atomic_write(root / "README.md") as path:
-            path.write_text(encodable(page(sorted_by_section(found), root)), "utf-8")
+            path.write_text(encodable(page(sorted_by_section(found), root, sweeps)), "utf-8")
     except OSError as error:
         print(f"studies.report: error: {one_line(error)}", file=sys.stderr)
         return MISTAKE

@@ -10,6 +10,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
 # The jobs of a sweep that failed: their options, and the exit codes that they would have had alone.
 _failed_jobs: list[tuple[str, int]] = []
 
+# The folders that the jobs of a sweep wrote to.
+_swept_folders: list[Path] = []
+
 
 class TrialsFailed(SystemExit):
     """The study is done, and some of its trials failed."""
@@ -56,6 +60,7 @@ def main() -> None:
             raise
         print(f"\nAvailable options: {', '.join(option_names(sys.argv[1:]))}.\nSee also --help.", file=sys.stderr)
         sys.exit(MISTAKE)
+    _write_sweeps()
     if _failed_jobs:
         print(f"\n{len(_failed_jobs)} of the sweep's studies failed, see above:", file=sys.stderr)
         for options, code in _failed_jobs:
@@ -95,10 +100,31 @@ def _run(cfg: DictConfig) -> None:
             if os.environ.get("HYDRA_FULL_ERROR") == "1":
                 traceback.print_exception(error)
             _fail(f"{one_line(error)} (HYDRA_FULL_ERROR=1 shows where)")
+    if study.swept and outcome.results is not None:
+        _swept_folders.append(outcome.results.folder)
     if outcome.interrupted:
         sys.exit(INTERRUPTED)
     if not outcome.complete:
         raise TrialsFailed(SOME_FAILED)
+
+
+def _write_sweeps() -> None:
+    """Write what the studies of a sweep found together: all in their folders, those of earlier commands too."""
+    if not _swept_folders:
+        return
+    from rich.console import Console
+
+    from studies.reporting.page import study_folders
+    from studies.reporting.sweeps import read_sweeps, write_sweep
+
+    around = dict.fromkeys(folder.parent for folder in _swept_folders)
+    folders = [each for parent in around for each in study_folders(parent) if each.parent == parent]
+    try:
+        for sweep in read_sweeps(folders):
+            if sweep.folders & set(_swept_folders):
+                write_sweep(sweep, Console())
+    except (ValueError, OSError) as error:
+        _fail(one_line(error))
 
 
 def _fail(message: str) -> NoReturn:

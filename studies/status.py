@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from studies.storage import result_folders, summarize
+from studies.storage import default_results, result_folders, summarize
 from studies.terminal import MISTAKE, SUCCESS, one_line, run_command
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ def print_table(lines: list[tuple[str, ...]]) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """The command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="studies.status", description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("results", nargs="?", type=Path, default=Path("results"), help="folder (default: results)")
-    results = parser.parse_args(arguments).results
+    parser.add_argument("results", nargs="?", type=Path, help="folder (default: where studies.run writes)")
+    results = parser.parse_args(arguments).results or default_results()
     folders = result_folders(results)
     if not folders:
         print(f"studies.status: error: no results of a study in {results}", file=sys.stderr)

@@ -88,9 +88,9 @@ def run_study(study: Study, console: Console) -> Outcome:
         missing = _missing(study, trials, store)
         if len(missing) < len(trials):
             console.print(f"  {len(trials) - len(missing):,} of them stored already", highlight=False)
-        _store_table_rows(place, store)
         reused = _reusable(study, missing)
         _reuse_rows(reused, missing, store, console)
+        _store_table_rows(place, store)
         to_run = _missing(study, trials, store)
         _write_plan(made, place, store, reused, ran=bool(to_run))
         ended_early = _run_missing(study, to_run, store, console)
@@ -112,9 +112,10 @@ def _report_place(place: storage.Place, study: Study, trials: Sequence[Trial], c
     if place.replaced:
         console.print(f"  {place.replaced:,} stored rows are of other meshes or code: their trials run again")
     if place.is_part:
+        extent = ", ".join(f"{n} of {counted(of, noun)}" for noun, (n, of) in place.extent.items() if n < of)
         console.print(
-            f"  a part of what {place.folder} has: its {counted(len(place.others), 'other trial')} stay, and tables and "
-            f"pictures of the part go to {place.part}",
+            f"  a part of what {place.folder} has{f' ({extent})' if extent else ''}: the other "
+            f"{counted(len(place.others), 'trial')} stay, and tables and pictures of the part go to {place.part}",
             highlight=False,
             soft_wrap=True,
         )
@@ -185,7 +186,8 @@ def _write_plan(
     from studies.reporting.write import write_origin
 
     write_origin(made, place, [path.parent for path in reused], ran=ran)
-    store.write_plan([*place.others, *(i for i in made.trial_ids if i not in set(place.others))])
+    if place.n_new or not place.is_part:
+        store.write_plan([*place.others, *made.trial_ids])
 
 
 def _run_missing(study: Study, missing: Sequence[Trial], store: storage.RowStore, console: Console) -> str:
@@ -238,7 +240,7 @@ def _results(
         rows=rows,
         publication=study.publication,
         command=study.command,
-        n_models_of=made.n_models_of,
+        n_models_of=max(made.n_models_of or 0, place.extent.get("model", (0, 0))[1]) or None,
     )
 
 

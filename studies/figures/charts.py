@@ -23,6 +23,7 @@ MOST_MODEL_LINES = 10  # models that are drawn as a line each; quartiles are dra
 MOST_HEAT_MAPS_PER_ROW = 4
 NARROW_PANEL = 0.45  # relative width of a panel with a single level
 COMPUTED = "computed"  # the ``source`` of values computed here, in a table of method scores
+WIDE_RANGE = 8  # largest over smallest value of an option from which on its axis is logarithmic
 CHANGE = "Change Percentage"
 MEAN = "mean, 95 % interval"
 
@@ -368,6 +369,85 @@ def part_panels(table: Table, named: Mapping[str, tuple[str, str]], title: str) 
             )
         )
     return Chart(title, tuple(panels), legend_title=MEAN if several else "")
+
+
+def swept_curve(table: Table, options: Sequence[str], title: str) -> Chart | None:
+    """The mean by the value of an option that a sweep varied: a line per level, and a panel per part of the study.
+
+    Parameters
+    ----------
+    table : Table
+        ``frame`` has a column for each of the options, and mean, ci_low and ci_high (or ``table.value``); further
+        columns such as part, level, unit and segmenter tell the lines apart
+    options : sequence of str
+        the varied options; the first is on the horizontal axis, the others tell lines apart
+    title : str
+        title of the chart
+
+    Returns
+    -------
+    Chart or None
+        None if the table has no such values
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> frame = pd.DataFrame({"segmenter.time": [0.5, 2.0], "part": "holes", "level": 58.0, "unit": "triangles",
+    ...                       "mean": [3.0, 1.0], "ci_low": [2.0, 0.5], "ci_high": [4.0, 1.5]})
+    >>> chart = swept_curve(Table("table", frame), ["segmenter.time"], "Holes")
+    >>> [(series.label, series.x, series.y) for series in chart.panels[0].series]
+    [('58 triangles', (0.5, 2.0), (3.0, 1.0))]
+    """
+    frame = table.frame
+    value = table.value or "mean"
+    if not {value, "ci_low", "ci_high"} <= set(frame.columns):
+        return None
+    shown = next((column for column in table.columns if column.name == value), Column(name=value))
+    option, *others = options
+    is_number = frame[option].map(lambda each: isinstance(each, int | float)).all()
+    values = sorted(frame[option].unique()) if is_number else list(dict.fromkeys(map(str, frame[option])))
+    positions = {each: float(each) if is_number else float(i) for i, each in enumerate(values)}
+    is_logarithmic = bool(is_number and values[0] > 0 and values[-1] / values[0] >= WIDE_RANGE)
+    keys = [*others, *(name for name in ("segmenter", "shape", "what", "counted", "low", "level") if name in frame)]
+    parts = list(frame.groupby("part", sort=False)) if "part" in frame else [("", frame)]
+    panels = []
+    for part, of_part in parts:
+        groups = list(of_part.groupby(keys, sort=False)) if keys else [((), of_part)]
+        named = [name for name in keys if of_part[name].nunique() > 1] or keys[-1:]
+        series = tuple(
+            Series(
+                label=_line_label(group, named),
+                x=tuple(positions[each if is_number else str(each)] for each in group[option]),
+                y=_numbers(group[value]),
+                low=_numbers(group["ci_low"]),
+                high=_numbers(group["ci_high"]),
+                group=i,
+            )
+            for i, (_, group) in enumerate(groups)
+        )
+        panels.append(
+            Panel(
+                x=Axis(option, ticks=tuple(positions.values()), logarithmic=is_logarithmic)
+                if is_number
+                else Axis(option, categories=tuple(map(str, values))),
+                y=Axis("" if panels else CHANGE if value == "mean" else shown.title, from_zero=True),
+                title=str(part).replace("_", " ") if len(parts) > 1 else "",
+                series=series,
+                own_legend=True,
+            )
+        )
+    return Chart(title, tuple(panels))
+
+
+def _line_label(group: pd.DataFrame, keys: Sequence[str]) -> str:
+    """What tells a line of a chart apart: the values of the keys, a level with its unit."""
+    first = group.iloc[0]
+    words = []
+    for key in keys:
+        text = f"{first[key]:g}" if isinstance(first[key], float | int) else str(first[key])
+        unit = f" {str(first['unit']).replace('_', ' ')}" if key == "level" and "unit" in group else ""
+        words.append(f"{text}{unit}")
+    return ", ".join(words)
 
 
 def segment_counts(rows: pd.DataFrame, intervals: Sequence[tuple[float, float]], title: str) -> Chart:

@@ -23,7 +23,7 @@ def full_title(title: str, dataset: str, segmenters: Sequence[str], subset: str 
     >>> full_title("Holes", "psb", ["HeatWalk", "Slabs"]), full_title("Holes", "psb", ["a", "b", "c", "d"])
     ('Holes on psb: HeatWalk and Slabs', 'Holes on psb: 4 methods')
     """
-    words = f"{title} on {dataset}"
+    words = f"{title} on {dataset}" if dataset else title
     if segmenters:
         words += f": {_methods(segmenters)}"
     return f"{words}, {subset}" if subset else words

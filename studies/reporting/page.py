@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from studies import storage
+from studies.planning.titles import counted, full_title
 from studies.reporting.publication import Publication
 from studies.reporting.results import CONFIG_FILE, Results
+from studies.reporting.sweeps import Sweep
 from studies.reporting.text import markdown_of, markdown_table
+from studies.storage.folders import PUBLISHED_FILE
+from studies.storage.identity import short_digest
 
 HEADINGS = ("section", "claim", "paper", "ours", "95 % interval", "verdict", "study")
+MOST_NAMED_MODELS = 12  # whose names are all on the page
 
 
 def study_folders(results: Path) -> list[Path]:
@@ -19,16 +25,23 @@ def study_folders(results: Path) -> list[Path]:
 
 
 def sorted_by_section(studies: Iterable[Results]) -> list[Results]:
-    """Studies in the order of the publication's sections."""
-    return sorted(studies, key=lambda study: (_section_number(study), study.folder.as_posix()))
+    """Studies in the order of the publication's sections, without those that are a part of another."""
+    studies = list(studies)
+    rows = {study.folder: set(study.rows["trial_id"]) for study in studies}
+    whole = [
+        study
+        for study in studies
+        if not any(rows[study.folder] <= rows[above] for above in study.folder.parents if above in rows)
+    ]
+    sections: dict[str, str] = {}  # of a study, whatever method it is with: the studies of a sweep stay together
+    for study in whole:
+        section = study.publication.section(study.name, study.rows) if study.publication else ""
+        sections[study.name] = section or sections.get(study.name, "")
+    # Studies about no section come last.
+    return sorted(whole, key=lambda study: (not sections[study.name], sections[study.name], study.folder.as_posix()))
 
 
-def _section_number(study: Results) -> tuple[bool, str]:
-    section = study.publication.section(study.name) if study.publication else ""
-    return not section, section  # studies about no section come last
-
-
-def page(studies: Sequence[Results], root: Path) -> str:
+def page(studies: Sequence[Results], root: Path, sweeps: Sequence[Sweep] = ()) -> str:
     """The page as Markdown.
 
     Parameters
@@ -37,17 +50,24 @@ def page(studies: Sequence[Results], root: Path) -> str:
         as `sorted_by_section` returns them
     root : Path
         folder of the page, to which links are relative
+    sweeps : sequence of Sweep
+        the sweeps that some of the studies belong to
     """
     publication = next((study.publication for study in studies if study.publication), None)
-    lines = ["# Results", "", *_introduction(publication)]
+    lines = ["# Results", "", *_introduction(publication, root)]
     if publication:
-        lines += ["", *_claims(studies, publication)]
+        lines += ["", *_claims(studies, publication, root)]
+    shown: set[Path] = set()
     for study in studies:
-        lines += ["", *_study_lines(study, root)]
+        for sweep in sweeps:
+            if study.folder in sweep.folders and sweep.file("") not in shown:
+                shown.add(sweep.file(""))
+                lines += ["", *_sweep_lines(sweep, root)]
+        lines += ["", *_study_lines(study, root, _headings(studies, root)[study.folder])]
     return "\n".join(lines) + "\n"
 
 
-def _introduction(publication: Publication | None) -> list[str]:
+def _introduction(publication: Publication | None, root: Path) -> list[str]:
     text = (
         "Made by `python -m studies.report` from the trials stored in the folders next to this page; no number was "
         "typed by hand. CP is the Change Percentage: twice the share of points that must change their segment, in "
@@ -58,10 +78,13 @@ def _introduction(publication: Publication | None) -> list[str]:
             f" The paper: {publication.citation}. *Same*: the paper's value is in our interval. The paper does not "
             "name its models, and its values too would be different with other models."
         )
-    return [text]
+    lines = [text]
+    if (root / PUBLISHED_FILE).is_file():
+        lines += ["", (root / PUBLISHED_FILE).read_text("utf-8").strip()]
+    return lines
 
 
-def _claims(studies: Sequence[Results], publication: Publication) -> list[str]:
+def _claims(studies: Sequence[Results], publication: Publication, root: Path) -> list[str]:
     """The table of claims, and the remarks on those where the computed value is worse."""
     rows: list[list[str]] = []
     remarks: list[str] = []
@@ -70,28 +93,28 @@ def _claims(studies: Sequence[Results], publication: Publication) -> list[str]:
         if study.dataset not in publication.datasets:
             continue
         claims = study.claims()
-        section = publication.section(study.name)
+        section = publication.section(study.name, study.rows)
         for claim in claims:
             if claim.text in texts:  # Table 2 contains what single studies show again
                 continue
             texts.add(claim.text)
-            rows.append([section, *claim.cells(), f"[{study.name}](#{_anchor(study)})"])
-        remark = publication.remark(study.name)
+            rows.append([section, *claim.cells(), f"[{study.name}](#{_anchor(study.folder, root)})"])
+        remark = publication.remark(study.name, study.rows)
         if remark and any(claim.verdict == "worse" for claim in claims):
-            remarks.append(f"- **{_title(study)}** (section {section}): {remark}")
+            remarks.append(f"- **{study.base_title}** (section {section}): {remark}")
     lines = markdown_table(HEADINGS, rows)
     return [*lines, "", "Where ours is worse:", "", *remarks] if remarks else lines
 
 
-def _study_lines(study: Results, root: Path) -> list[str]:
-    """One study: what it is, its table, its pictures, and the command that makes them."""
+def _study_lines(study: Results, root: Path, heading: str) -> list[str]:
+    """One study: what it is, its table, its pictures, and the commands that make them."""
     folder = study.folder.relative_to(root).as_posix()
     lines = [
-        f'<a id="{_anchor(study)}"></a>',
+        f'<a id="{_anchor(study.folder, root)}"></a>',
         "",
-        f"## {_title(study)} ({study.dataset})",
+        f"## {heading}",
         "",
-        _summary_sentence(study),
+        _summary(study),
         "",
         *markdown_of(study.main_table),
         "",
@@ -99,21 +122,86 @@ def _study_lines(study: Results, root: Path) -> list[str]:
         "",
     ]
     for picture in sorted(study.folder.glob("*.png")):
-        lines += [f"![{_title(study)}: {picture.stem.replace('_', ' ')}]({folder}/{picture.name})", ""]
-    return [*lines, "```", study.command, "```"]
+        if not picture.name.startswith(Sweep.PREFIX):
+            lines += [f"![{heading}: {picture.stem.replace('_', ' ')}](<{folder}/{picture.name}>)", ""]
+    return [*lines, "```sh", *filter(None, (*study.earlier_commands, study.command)), "```"]
 
 
-def _summary_sentence(study: Results) -> str:
-    section = study.publication.section(study.name) if study.publication else ""
-    shows = study.publication.shows(study.name) if study.publication else ""
-    where = f"Section {section}{f', {shows}' if shows else ''}. " if section else ""
-    failed = f", {study.failures} of which failed" if study.failures else ""
-    return f"{where}{study.rows['model'].nunique()} models, {len(study.rows)} trials{failed}."
+def _sweep_lines(sweep: Sweep, root: Path) -> list[str]:
+    """What a sweep found: the tables of its studies as one, and a curve."""
+    folder = sweep.folder.relative_to(root).as_posix()
+    heading = f"{sweep.title}, by {' and '.join(sweep.options)}"
+    lines = [
+        f'<a id="{_anchor(sweep.file(""), root)}"></a>',
+        "",
+        f"## {heading}",
+        "",
+        *markdown_of(sweep.table),
+        "",
+    ]
+    picture = sweep.file(".png")
+    return [*lines, *([f"![{heading}](<{folder}/{picture.name}>)", ""] if picture.exists() else [])]
 
 
-def _title(study: Results) -> str:
-    return study.title.removesuffix(f" on {study.dataset}")
+def _headings(studies: Sequence[Results], root: Path) -> dict[Path, str]:
+    """The heading of each study, with the name of its folder where another study has the same."""
+    headings = {study.folder: full_title(f"{study.base_title} ({study.dataset})", "", study.methods, study.subset)
+                for study in studies}  # fmt: skip
+    for study in studies:
+        heading = headings[study.folder]
+        if sum(heading == other for other in headings.values()) > 1 or _own_options(study, root):
+            headings[study.folder] = f"{heading}; {_own_options(study, root) or study.folder.relative_to(root).as_posix()}"
+    return headings
 
 
-def _anchor(study: Results) -> str:
-    return f"{study.name}-{study.dataset}"
+def _own_options(study: Results, root: Path) -> str:
+    """The options that the folder of a study is named after, but for those of the method, which the title has."""
+    folders = study.folder.relative_to(root).parts[2:]
+    return ", ".join(name for name in folders if not name.startswith("segmenter"))
+
+
+def _summary(study: Results) -> str:
+    """What the study is, of how many models, and which."""
+    section = study.publication.section(study.name, study.rows) if study.publication else ""
+    shows = study.publication.shows(study.name, study.rows) if study.publication else ""
+    where = f"Section {section}{f', {shows}' if shows else ''}. " if section else _perturbations(study)
+    failed = f", {study.failures:,} of which failed" if study.failures else ""
+    return f"{where}{_models(study)} {counted(len(study.rows), 'trial')}{failed}."
+
+
+def _perturbations(study: Results) -> str:
+    """The perturbations of a study that no section of a publication is about."""
+    names = [str(name).replace("_", " ") for name in study.rows["perturbation"].dropna().unique() if name]
+    return f"Perturbation: {', '.join(names)}. " if names else ""
+
+
+def _models(study: Results) -> str:
+    """Which models of how many."""
+    names = study.models
+    number = study.subset or counted(len(names), "model")
+    dataset = study.record.get("dataset", {})
+    categories = dataset.get("categories")
+    if isinstance(categories, list):
+        categories = ", ".join(map(str, categories))
+    of = f" in the categories {str(categories).replace('_', ' ')}" if categories and study.subset else ""
+    source = f" of {dataset['root']}" if dataset.get("root") else ""
+    return f"{number}{of}{source}: {_named(names)};"
+
+
+def _named(names: Sequence[str]) -> str:
+    """Names of models; numbers as ranges."""
+    if all(name.isdecimal() for name in names):
+        numbers = sorted(map(int, names))
+        starts = [n for i, n in enumerate(numbers) if i == 0 or numbers[i - 1] != n - 1]
+        ends = [n for i, n in enumerate(numbers) if i == len(numbers) - 1 or numbers[i + 1] != n + 1]
+        return ", ".join(f"{a}–{b}" if a < b else f"{a}" for a, b in zip(starts, ends, strict=True))
+    if len(names) <= MOST_NAMED_MODELS:
+        return ", ".join(names)
+    return f"{', '.join(names[: MOST_NAMED_MODELS - 2])} … {names[-1]}"
+
+
+def _anchor(path: Path, root: Path) -> str:
+    """The anchor of a section, one per folder."""
+    plain = path.relative_to(root).as_posix().replace("/", "-")
+    anchor = re.sub(r"[^\w.=-]+", "-", plain)
+    return anchor if anchor == plain else f"{anchor}-{short_digest(plain)}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import resources
@@ -57,20 +58,38 @@ class Publication:
         """The datasets whose results are compared with the publication's claims."""
         return tuple(self._data["datasets"])
 
-    def section(self, study: str) -> str:
-        """The section that a study is about, "" if the publication has none."""
-        return str(self._of_study(study).get("section", ""))
+    def section(self, study: str, rows: pd.DataFrame) -> str:
+        """The section that a study is about, "" if the publication has none about what the rows are of."""
+        return str(self._of_study(study, rows).get("section", ""))
 
-    def shows(self, study: str) -> str:
+    def shows(self, study: str, rows: pd.DataFrame) -> str:
         """The tables and figures that a study reproduces, "" if there are none."""
-        return str(self._of_study(study).get("shows", ""))
+        return str(self._of_study(study, rows).get("shows", ""))
 
-    def remark(self, study: str) -> str:
+    def remark(self, study: str, rows: pd.DataFrame) -> str:
         """What explains results that are worse than the published ones."""
-        return " ".join(str(self._of_study(study).get("remark", "")).split())
+        return " ".join(str(self._of_study(study, rows).get("remark", "")).split())
 
-    def _of_study(self, study: str) -> Mapping[str, Any]:
-        return self._data["studies"].get(study, {})
+    def is_about(self, rows: pd.DataFrame) -> bool:
+        """Whether the rows, or some of them, are of the published method with the published settings."""
+        return any(self._is_method(str(name), group) for name, group in rows.groupby("segmenter"))
+
+    def _is_method(self, name: str, rows: pd.DataFrame) -> bool:
+        """Whether the rows of a method are of the published one, with the published settings."""
+        if name != self._data["method"]:
+            return False
+        settings = self._data.get("settings", {})
+        stored = rows["segmenter_options"].dropna().unique() if "segmenter_options" in rows else ()
+        options = [json.loads(each) for each in stored]
+        return all(each.get(key, value) == value for each in options for key, value in settings.items())
+
+    def _of_study(self, study: str, rows: pd.DataFrame) -> Mapping[str, Any]:
+        """What is published about a study; nothing if the rows are of another perturbation or method."""
+        entry = self._data["studies"].get(study, {})
+        perturbations = set(rows["perturbation"].dropna()) - {""}
+        if not self.is_about(rows) or ("perturbations" in entry and not perturbations <= {*entry["perturbations"]}):
+            return {}
+        return entry
 
     def annotate(self, table: Table, rows: pd.DataFrame) -> Table:
         """The table with the published values: a column next to the computed values, or rows of methods.
@@ -83,7 +102,7 @@ class Publication:
         """
         if "source" in table.frame and "method" in table.frame:
             return self._with_methods(table)
-        if not table.value:
+        if not table.value or not self.is_about(rows):
             return table
         name = self._data["column"]
         frame = table.frame.copy()
@@ -118,7 +137,7 @@ class Publication:
 
     def _claims(self, table: Table, rows: pd.DataFrame) -> Iterator[Claim]:
         if "source" in table.frame:
-            yield from self._claims_about_methods(table)
+            yield from self._claims_about_methods(table, rows)
             return
         for record in table.records() if table.name == "table" else ():
             for entry in self._matching(record, rows):
@@ -138,8 +157,10 @@ class Publication:
                     entry.get("higher_is_better", False),
                 )
 
-    def _claims_about_methods(self, table: Table) -> Iterator[Claim]:
+    def _claims_about_methods(self, table: Table, rows: pd.DataFrame) -> Iterator[Claim]:
         methods = self._data["methods"]
+        if not self.is_about(rows):
+            return
         for record in table.records():
             published = methods["rows"].get(record["method"])
             if published is None or record["source"] == self._data["column"]:
@@ -160,7 +181,9 @@ class Publication:
 
     def _matching(self, record: Mapping[str, Any], rows: pd.DataFrame) -> Iterator[Mapping[str, Any]]:
         """The entries about a row of a table."""
-        if record.get("segmenter", self._data["method"]) != self._data["method"]:
+        if "segmenter" in record:
+            rows = rows[rows["segmenter"] == record["segmenter"]]
+        if not self.is_about(rows):
             return
         for entry in self._data["values"]:
             if (

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from studies import storage
 from studies.columns import Table
+from studies.datasets import make_dataset
 from studies.experiments.experiment import row_columns
 from studies.planning.errors import StudyError
+from studies.planning.titles import full_title
 from studies.reporting.claims import Claim
 from studies.reporting.publication import Publication
 from studies.reporting.text import html_of
+from studies.segmenters import make_segmenter
 from studies.storage.records import CONFIG_FILE, PROVENANCE_FILE, read_config, read_provenance
 
 if TYPE_CHECKING:
@@ -33,8 +37,8 @@ class Results:
         where they are stored
     name : str
         name of the study
-    title : str
-        its title, with the dataset
+    base_title : str
+        its title, without dataset and methods
     experiment : Experiment
         the kind of study
     rows : DataFrame
@@ -43,6 +47,14 @@ class Results:
         whose values are shown next to the computed ones
     command : str
         the command that makes the results again
+    earlier_commands : tuple of str
+        those that made other parts of the rows
+    record : mapping
+        the configuration, as in config.yaml
+    swept : mapping of str to str
+        the options that the sweep varied of which this study was a job
+    n_models_of : int or None
+        how many models the dataset has without the options that select some; None if that is not known
 
     Examples
     --------
@@ -53,11 +65,15 @@ class Results:
 
     folder: Path
     name: str
-    title: str
+    base_title: str
     experiment: Experiment
     rows: pd.DataFrame
     publication: Publication | None = None
     command: str = ""
+    earlier_commands: tuple[str, ...] = ()
+    record: Mapping[str, Any] = field(default_factory=dict)
+    swept: Mapping[str, str] = field(default_factory=dict)
+    n_models_of: int | None = None
 
     @classmethod
     def load(cls, folder: str | Path) -> Results:
@@ -73,31 +89,56 @@ class Results:
             raise StudyError(f"{folder} has no {CONFIG_FILE}: it does not contain the results of a study")
         if not (folder / storage.TABLE_FILE).exists() and not (folder / storage.ROWS_FILE).exists():
             raise StudyError(f"{folder} has neither {storage.TABLE_FILE} nor {storage.ROWS_FILE}: no rows are stored")
-        return cls.of_record(folder, read_config(folder), command=_command(folder))
+        return cls.of_record(folder, read_config(folder))
 
     @classmethod
-    def of_record(
-        cls, folder: Path, record: Mapping[str, Any], rows: pd.DataFrame | None = None, command: str = ""
-    ) -> Results:
+    def of_record(cls, folder: Path, record: Mapping[str, Any], rows: pd.DataFrame | None = None) -> Results:
         """Results from a stored configuration; the rows are read from the folder by default."""
         experiment = _experiment(folder, record)
         if rows is None:
             rows = storage.read_rows(folder, row_columns(experiment))
-        dataset = rows["dataset"].iloc[0] if len(rows) else ""
+        origin = read_provenance(folder) if (folder / PROVENANCE_FILE).exists() else {}
         return cls(
             folder=folder,
             name=record["study"]["name"],
-            title=f"{record['title']} on {dataset}",
+            base_title=str(record["title"]),
             experiment=experiment,
-            rows=rows,
+            rows=_with_options(rows, record),
             publication=Publication.load(record["publication"]) if record.get("publication") else None,
-            command=command,
+            command=str(origin.get("command", "")),
+            earlier_commands=tuple(map(str, origin.get("earlier_commands", ()))),
+            record=record,
+            swept=origin.get("swept", {}),
+            n_models_of=origin.get("n_models_of") or _total(record),
         )
 
     @property
     def dataset(self) -> str:
         """Name of the dataset."""
-        return str(self.rows["dataset"].iloc[0])
+        return str(self.rows["dataset"].iloc[0]) if len(self.rows) else ""
+
+    @property
+    def methods(self) -> list[str]:
+        """Names of the methods, without the people of a benchmark."""
+        named = self.rows.loc[self.rows["segmenter_options"].notna(), "segmenter"]
+        return list(dict.fromkeys((named if len(named) else self.rows["segmenter"]).dropna().astype(str)))
+
+    @property
+    def models(self) -> list[str]:
+        """Names of the models."""
+        columns = [name for name in ("model", "other") if name in self.rows]
+        return list(dict.fromkeys(str(name) for column in columns for name in self.rows[column].dropna()))
+
+    @property
+    def subset(self) -> str:
+        """How many models of how many, "" for all of the dataset."""
+        n = len(self.models)
+        return f"{n:,} of {self.n_models_of:,} models" if self.n_models_of and n < self.n_models_of else ""
+
+    @property
+    def title(self) -> str:
+        """The title with dataset, methods, and how much of the dataset it is about."""
+        return full_title(self.base_title, self.dataset, self.methods, self.subset)
 
     @cached_property
     def report_tables(self) -> dict[str, Table]:
@@ -143,6 +184,25 @@ def _experiment(folder: Path, record: Mapping[str, Any]) -> Experiment:
         ) from error
 
 
-def _command(folder: Path) -> str:
-    path = folder / PROVENANCE_FILE
-    return str(read_provenance(folder).get("command", "")) if path.exists() else ""
+def _total(record: Mapping[str, Any]) -> int | None:
+    """How many models the dataset of a stored configuration has; None if that cannot be told here."""
+    try:
+        return make_dataset(record["dataset"]).total()
+    except ValueError:  # data that are elsewhere, or a class that is not there any more
+        return None
+
+
+def _with_options(rows: pd.DataFrame, record: Mapping[str, Any]) -> pd.DataFrame:
+    """Rows in which each has the options of its method: those of earlier versions have its name alone."""
+    lacks = rows["segmenter_options"].isna()
+    if not lacks.any() or record.get("segmenters"):
+        return rows
+    try:
+        segmenter = make_segmenter(record["segmenter"])
+    except (KeyError, ValueError):
+        return rows
+    lacks &= rows["segmenter"].isin([segmenter.name, segmenter.name.partition(" (")[0]])
+    rows = rows.copy()
+    rows.loc[lacks, "segmenter"] = segmenter.name
+    rows.loc[lacks, "segmenter_options"] = json.dumps(segmenter.options, sort_keys=True)
+    return rows

@@ -55,7 +55,7 @@ def print_table(title: str, table: Table, console: Console) -> None:
 
     columns, rows = table.visible(compact=True), table.cells(compact=True)
     padding = (0, 1) if len(columns) < MANY_COLUMNS else (0, 1, 0, 0)
-    shown = RichTable(title=title, caption="table.md explains the columns", padding=padding)
+    shown = RichTable(title=title, caption=f"{table.name}.md explains the columns", padding=padding)
     widths = []
     for i, column in enumerate(columns):
         widths.append(max([*(len(cells[i]) for cells in rows), *map(len, column.title.split())]))

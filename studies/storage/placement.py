@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +107,8 @@ class Place:
         rows in the folder that were made with other code or from other meshes, which the study replaces
     n_new : int
         trials that the study plans and the folder does not list yet
+    extent : mapping of str to (int, int)
+        how many models, levels and repeats the study has, of how many in the folder and the study together
     """
 
     folder: Path
@@ -114,6 +116,7 @@ class Place:
     part: Path = Path()
     replaced: int = 0
     n_new: int = 0
+    extent: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
     @property
     def is_part(self) -> bool:
@@ -153,13 +156,27 @@ def place(base: Path, origin: Origin, planned: Sequence[Mapping[str, Any]], fres
         listed = _listed(folder, stored)
         others = tuple(i for i in listed if i not in ids)
         part = folder / _part_name(owner, origin, ids) if others else folder
-        return Place(folder, others, part, n_new=len(ids - set(listed)))
+        return Place(folder, others, part, n_new=len(ids - set(listed)), extent=_extent(planned, stored))
     if all(_slot(row) in planned_slots for row in stored):
         return Place(folder, part=folder, replaced=len(outdated), n_new=len(ids))
     # Rows of two versions are never mixed, and a part never replaces the whole.
     changed = {"version": short_digest([dict(origin.versions), sorted(origin.meshes.items())])}
     chosen = differences(selection(owner.record), selection(origin.record)) if owner else {}
     return place(folder / folder_name(words(chosen | changed)), origin, planned)
+
+
+def _extent(
+    planned: Sequence[Mapping[str, Any]], stored: Sequence[Mapping[str, Any]]
+) -> dict[str, tuple[int, int]]:
+    """How many models, levels and repeats are planned, of how many in all."""
+    found = {}
+    for noun, names in (("model", ("model", "other")), ("level", ("level",)), ("repeat", ("repeat",))):
+        ours, all_of_them = (
+            {row[name] for row in rows for name in names if row.get(name) not in (None, "")}
+            for rows in (planned, [*planned, *stored])
+        )
+        found[noun] = len(ours), len(all_of_them)
+    return found
 
 
 def _own_folder(base: Path, origin: Origin) -> Path:
