@@ -24,6 +24,7 @@ from studies.planning.command_line import (
     add_missing_options,
     check_groups,
     flags_last,
+    hints,
     option_names,
     quote_argument,
     swept_options,
@@ -59,6 +60,8 @@ def main() -> None:
         if stop.code != SOME_FAILED or isinstance(stop, TrialsFailed):
             raise
         print(f"\nAvailable options: {', '.join(option_names(sys.argv[1:]))}.\nSee also --help.", file=sys.stderr)
+        for line in hints(sys.argv[1:]):
+            print(line, file=sys.stderr)
         sys.exit(MISTAKE)
     _write_sweeps()
     if _failed_jobs:

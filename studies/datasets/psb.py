@@ -118,8 +118,9 @@ class PSBModel(Model):
         return [read(file, read_seg) for file in self._human_files()]
 
     def human_digest(self) -> str:
-        """SHA-256 of the files of people's segmentations."""
-        return hashlib.sha256(b"\0".join(file.read_bytes() for file in self._human_files())).hexdigest()
+        """SHA-256 of the files of people's segmentations; "" if there are none."""
+        files = self._human_files()
+        return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest() if files else ""
 
     def _human_files(self) -> list[Path | zipfile.Path]:
         """The files of people's segmentations, in the order of their numbers."""

@@ -73,10 +73,10 @@ def run_study(study: Study, console: Console) -> Outcome:
         if another process is writing to the study's folder
     """
     trials = study.plan()
-    console.print(f"{study.full_title}: {counted(len(trials), 'trial')}", highlight=False)
+    made = MadeFrom.of(study, trials)
+    console.print(f"{made.title}, {counted(len(trials), 'trial')}", highlight=False)
     for remark in study.remarks:
         console.print(remark, highlight=False, soft_wrap=True)
-    made = MadeFrom.of(study, trials)
     place = storage.place(study.folder, made.origin, [planned_row(trial) for trial in trials], study.fresh)
     _report_place(place, study, trials, console)
     study = dataclasses.replace(study, folder=place.folder)

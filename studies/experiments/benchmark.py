@@ -14,7 +14,9 @@ import numpy as np
 from heatwalk import LoadedMesh, faces_from_vertices
 from studies.columns import Column, Table
 from studies.experiments.experiment import FAILURES, MODELS, Experiment, frame_of
+from studies.datasets import Model
 from studies.metrics import psb
+from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, fingerprint
 from studies.planning.trial import Trial
 from studies.segmenters import Segmenter
@@ -72,6 +74,14 @@ class BenchmarkTrial(Trial):
         return values | {name: float(np.mean([score[name] for score in scores])) for name in scores[0]}
 
 
+def has_people(model: Model) -> bool:
+    """Whether the dataset of a model has segmentations by people."""
+    return bool(model.human_digest()) or (
+        type(model).human_digest is Model.human_digest
+        and type(model).human_segmentations is not Model.human_segmentations
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Benchmark(Experiment):
     """The Princeton benchmark's metrics, per model over its people, then over models."""
@@ -88,6 +98,12 @@ class Benchmark(Experiment):
 
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
         """One trial per model and segmenter, and one per model for its people."""
+        models = dataset.models()
+        if not any(has_people(model) for model in models):
+            raise StudyError(
+                f"the study {study} needs segmentations by people, which the dataset {dataset.name} does not have; "
+                "dataset=psb has them"
+            )
         return [
             BenchmarkTrial(
                 study=study,
@@ -100,7 +116,7 @@ class Benchmark(Experiment):
                 group_key=digest(identity),
                 trial_id=digest("benchmark", identity, model.human_digest(), judged and judged.fingerprint)[:24],
             )
-            for model in dataset.models()
+            for model in models
             for identity in [fingerprint(model)]
             for judged in (*segmenters, None)
         ]

@@ -118,6 +118,11 @@ class PoseTrial(Trial):
         }
 
 
+def has_correspondence(model: Model) -> bool:
+    """Whether the dataset of a model specifies corresponding points."""
+    return bool(model.correspondence_digest()) or type(model).correspondence is not Model.correspondence
+
+
 def _segmented(poses: Mapping[str, Pose | str], model: Model) -> Pose:
     pose = poses[model.name]
     if isinstance(pose, str):
@@ -164,6 +169,11 @@ class Poses(Experiment):
         """One trial per pair of poses of a shape and segmenter."""
         trials: list[Trial] = []
         models = sorted(dataset.models(), key=lambda model: model.category)
+        if not any(has_correspondence(model) for model in models):
+            raise StudyError(
+                f"the study {study} needs the corresponding points of two poses of a shape, which the dataset "
+                f"{dataset.name} does not have; dataset=tosca has them"
+            )
         for shape, group in groupby(models, key=lambda model: model.category):
             poses = tuple(group)
             identities = {model.name: [*fingerprint(model), model.correspondence_digest()] for model in poses}

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
 import glob
 import os
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from importlib import resources
+from typing import Any
 
+import yaml
 from hydra import compose, initialize_config_module
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import QuotedString
@@ -26,6 +30,8 @@ SWEPT_PATHS = ("dataset.glob", "dataset.root")  # those of which a sweep may hav
 
 # Options that choose a configuration by name.
 CHOICES = ("study", "experiment", "dataset", "segmenter", "engine", "perturbation")
+
+OPTIONS_OF_PART = ("perturbation", "levels", "title", "axis", "swept")  # of a study with several parts
 
 # Flags of Hydra that are followed by a value.
 FLAGS_WITH_VALUE = (
@@ -185,6 +191,71 @@ def swept_folder(swept: Mapping[str, str]) -> str:
     return folder_name(",".join(f"{key}={value}" for key, value in swept.items()))
 
 
+def hints(arguments: Sequence[str]) -> list[str]:
+    """A line for each typed option that the study does not have: what may be meant, or where there is such an option.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        all arguments of the command
+    """
+    names = option_names(arguments)
+    typed = [a.partition("=")[0] for a in arguments if "=" in a and a[0] not in "-+~"]
+    unknown = [name for name in typed if name not in names and name not in CHOICES and not name.startswith("hydra")]
+    return [f"{name}{hint}" for name in unknown if (hint := hint_for(name, names))]
+
+
+def hint_for(name: str, names: Sequence[str]) -> str:
+    """What may be meant by an option that is not among ``names``, as the end of a sentence; "" if nothing is near."""
+    where = where_is(name)
+    if where:
+        here = name.split(".", 2)[2] if name.startswith("parts.") and name.count(".") > 1 else ""
+        return f" is an option of {where}{f'; here it is {here}' if here in names else ''}"
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    return f": did you mean {close[0]}?" if close else ""
+
+
+def where_is(name: str) -> str:
+    """The shipped studies, datasets and so on that have an option, "" if none has.
+
+    Examples
+    --------
+    >>> where_is("parts.holes.perturbation.unit"), where_is("dataset.categories"), where_is("repeat")
+    ('the study table2', 'dataset=psb, dataset=tosca', '')
+    """
+    group, _, option = name.partition(".")
+    if group in CHOICES and group != "study":
+        found = [file for file, content in _shipped(group) if option in content]
+        return ", ".join(f"{group}={file}" for file in found)
+    part, _, below = option.partition(".")
+    if group == "parts" and below.partition(".")[0] not in OPTIONS_OF_PART:
+        return ""
+    found = [file for file, content in _shipped("study") if _has_option(content, group, part)]
+    return f"the {'study' if len(found) == 1 else 'studies'} {', '.join(found)}" if found else ""
+
+
+def _has_option(study: Mapping[str, Any], group: str, part: str) -> bool:
+    """Whether the file of a study has an option, or a part of this name."""
+    if group == "parts" and part:
+        packages = [str(key).partition("@")[2] for entry in study.get("defaults", ()) for key in entry
+                    if isinstance(entry, dict)]  # fmt: skip
+        return part in (study.get("parts") or {}) or any(name.startswith(f"parts.{part}") for name in packages)
+    return group in study and group not in ("defaults", "study", "title")
+
+
+def _shipped(group: str) -> list[tuple[str, Mapping[str, Any]]]:
+    """The name and the content of every file of a group of the shipped configuration."""
+    folder = resources.files("conf").joinpath(group)
+    files = sorted(file.name for file in folder.iterdir() if file.name.endswith(".yaml"))
+    return [(name[:-5], yaml.safe_load(folder.joinpath(name).read_text("utf-8")) or {}) for name in files]
+
+
+def _is_option_elsewhere(node: DictConfig, name: str) -> bool:
+    """Whether the value of an option is that of another option of the study, as ``engine.timeout``."""
+    text = str(OmegaConf.to_container(node, resolve=False)[name])  # type: ignore[index,call-overload]
+    return text.startswith("${") and not text.startswith(("${oc.env:", "${oc.select:"))
+
+
 def option_names(arguments: Sequence[str]) -> list[str]:
     """Names of the options of the study, dataset … that the command line chooses; of the defaults if it is wrong."""
     chosen = [a for a in arguments if a.partition("=")[0] in ("+study", "dataset", "segmenter", "engine", "experiment")]
@@ -197,6 +268,6 @@ def option_names(arguments: Sequence[str]) -> list[str]:
                 if key not in ("study", "experiment")
                 for name in (map(str, node) if isinstance(node, DictConfig) else [""])
                 if not name.startswith("_")
-                if not (name and OmegaConf.is_interpolation(node, name))  # it is an option elsewhere
+                if not (name and _is_option_elsewhere(node, name))
             ]
     return []

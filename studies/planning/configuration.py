@@ -20,7 +20,6 @@ from studies.planning.errors import StudyError
 from studies.planning.names import check_name
 from studies.planning.options import check_added
 from studies.planning.targets import check_required, construct
-from studies.planning.titles import full_title
 from studies.planning.types import expectation, has_type
 from studies.storage.folders import UNPUBLISHED, is_published
 from studies.storage.text import encodable
@@ -120,11 +119,6 @@ class Study:
                 if name not in known:
                     raise StudyError(f"{option} contains {name!r}, which is not in the study: {_listing(list(known))}")
         return trials
-
-    @property
-    def full_title(self) -> str:
-        """The title with dataset and methods, over tables and pictures."""
-        return full_title(self.title, self.dataset.name, [segmenter.name for segmenter in self.segmenters])
 
 
 def configure(cfg: DictConfig, overrides: Sequence[str] = (), swept: Mapping[str, str] | None = None) -> Study:

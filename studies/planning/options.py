@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Sequence
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from studies.planning.command_line import CHOICES
+from studies.planning.command_line import CHOICES, OPTIONS_OF_PART, hint_for
 from studies.planning.errors import StudyError
 
 # Groups whose options are checked by the class or function that they are passed to.
@@ -19,7 +18,6 @@ OPTIONS_OF_GROUP = {
     "trial": ("timeout", "memory"),
     "gallery": ("models", "columns", "style"),
 }
-OPTIONS_OF_PART = ("perturbation", "levels", "title", "axis", "swept")
 OPTIONS_OF_ONE_PART = ("perturbation", "levels", "axis", "swept")
 # Options of the study itself, whatever its experiment.
 GENERAL = (
@@ -62,8 +60,10 @@ def check_added(cfg: DictConfig, overrides: Sequence[str]) -> tuple[str, ...]:
             raise StudyError(f"{name} has no effect on the study {cfg.study.name}, which has parts: {names}")
         is_known = top in used or top in GENERAL or top in OPTIONS_OF_GROUP or top in ("repeats", "swept")
         if is_added and not (is_known and _is_option_of_group(top, below)):
-            raise StudyError(f"there is no option {name}{_suggestion(name, cfg, used)}")
-        if not (top in used or top in GENERAL or top == "study"):
+            raise StudyError(f"{name} is not an option of the study {cfg.study.name}{_suggestion(name, cfg, used)}")
+        if _is_replaced(name, cfg):
+            unused.append(f"  {name} has no effect: the levels replace it")
+        elif not (top in used or top in GENERAL or top == "study"):
             unused.append(f"  {name} has no effect on the study {cfg.study.name}")
     return tuple(unused)
 
@@ -73,6 +73,16 @@ def _used(cfg: DictConfig) -> set[str]:
     content: Any = OmegaConf.to_container(cfg, resolve=False)
     texts = str([content.get(group) for group in CHECKED_LATER[:4]])
     return set(_REFERENCE.findall(texts))
+
+
+def _is_replaced(name: str, cfg: DictConfig) -> bool:
+    """Whether a name is that of the field of a perturbation that the levels replace."""
+    before, _, field = name.rpartition(".")
+    group, _, rest = before.rpartition("perturbation")
+    if rest or not before.endswith("perturbation"):
+        return False
+    swept = OmegaConf.select(cfg, f"{group}swept") or cfg.get("swept")
+    return field == swept
 
 
 def _is_option_of_group(top: str, below: Sequence[str]) -> bool:
@@ -89,5 +99,4 @@ def _suggestion(name: str, cfg: DictConfig, used: set[str]) -> str:
         if isinstance(content.get(group), dict):
             known += [f"{group}.{key}" for key in content[group] if not str(key).startswith("_")]
     known = [each for each in dict.fromkeys(known) if each != name]
-    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.6)
-    return f"; did you mean {close[0]}?" if close else "; see --help"
+    return hint_for(name, sorted(known)).replace(" is an option of", ", but of").replace(": did", "; did") or "; see --help"

@@ -44,3 +44,14 @@ def counted(number: int, noun: str) -> str:
     ('1 model', '1,200 trials')
     """
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def subset(number: int, total: int | None) -> str:
+    """How many models of how many, "" if these are all, or it is not known.
+
+    Examples
+    --------
+    >>> subset(1, 3), subset(3, 3), subset(1, None)
+    ('1 of 3 models', '', '')
+    """
+    return f"{number:,} of {counted(total, 'model')}" if total and number < total else ""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from studies.planning.titles import full_title, subset
 from studies.storage.placement import Origin
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ class MadeFrom:
 
     Parameters
     ----------
+    title : str
+        the title of the study, with dataset, methods, and how much of the dataset it is about
     origin : Origin
         configuration, meshes and versions of methods
     trial_ids : sequence of str
@@ -32,6 +35,7 @@ class MadeFrom:
         how many models the dataset has without the options that select some; None if that is not known
     """
 
+    title: str
     origin: Origin
     trial_ids: Sequence[str]
     command: str = ""
@@ -49,12 +53,14 @@ class MadeFrom:
                 if encodable(name) not in meshes:  # such as the last pose of a shape, the second of every pair
                     meshes[encodable(name)] = trial.digest_of(name)
         versions = {segmenter.name: segmenter.version for segmenter in study.segmenters}
+        total = study.dataset.total()
         return cls(
+            full_title(study.title, study.dataset.name, list(versions), subset(len(meshes), total)),
             Origin(study.record, meshes, versions),
             [trial.trial_id for trial in trials],
             study.command,
             study.swept,
-            study.dataset.total(),
+            total,
         )
 
     @cached_property

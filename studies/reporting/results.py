@@ -14,7 +14,7 @@ from studies.columns import Table
 from studies.datasets import make_dataset
 from studies.experiments.experiment import row_columns
 from studies.planning.errors import StudyError
-from studies.planning.titles import full_title
+from studies.planning.titles import full_title, subset
 from studies.reporting.claims import Claim
 from studies.reporting.publication import Publication
 from studies.reporting.text import html_of
@@ -132,8 +132,7 @@ class Results:
     @property
     def subset(self) -> str:
         """How many models of how many, "" for all of the dataset."""
-        n = len(self.models)
-        return f"{n:,} of {self.n_models_of:,} models" if self.n_models_of and n < self.n_models_of else ""
+        return subset(len(self.models), self.n_models_of)
 
     @property
     def title(self) -> str:
