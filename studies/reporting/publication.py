@@ -72,6 +72,8 @@ class Publication:
 
     def is_about(self, rows: pd.DataFrame) -> bool:
         """Whether the rows, or some of them, are of the published method with the published settings."""
+        if "segmenter" not in rows:
+            return True
         return any(self._is_method(str(name), group) for name, group in rows.groupby("segmenter"))
 
     def _is_method(self, name: str, rows: pd.DataFrame) -> bool:
@@ -182,7 +184,9 @@ class Publication:
     def _matching(self, record: Mapping[str, Any], rows: pd.DataFrame) -> Iterator[Mapping[str, Any]]:
         """The entries about a row of a table."""
         if "segmenter" in record:
-            rows = rows[rows["segmenter"] == record["segmenter"]]
+            if record["segmenter"] != self._data["method"]:
+                return
+            rows = rows[rows["segmenter"] == record["segmenter"]] if "segmenter" in rows else rows
         if not self.is_about(rows):
             return
         for entry in self._data["values"]:

@@ -43,7 +43,7 @@ def test_it_runs_and_shows_what_it_found(study, small, configured, console, tmp_
     assert len(table) > 0
     assert not table.isna().all(axis=None)
     page = (folder / "table.md").read_text()
-    assert page.startswith(f"# {made.title} on {rows['dataset'].iloc[0]}\n")
+    assert page.startswith(f"# {made.title} on {rows['dataset'].iloc[0]}: HeatWalk")
     assert all(path.stat().st_size > 5000 for path in folder.glob("*.png"))
 
 

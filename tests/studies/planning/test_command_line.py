@@ -1,7 +1,7 @@
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from studies.planning.command_line import quote_argument, swept_folder
+from studies.planning.command_line import quote_argument, swept_folder, swept_options
 
 
 @pytest.mark.parametrize(
@@ -32,5 +32,7 @@ def test_whatever_else_there_is_stays(argument):
 def test_a_job_of_a_sweep_has_a_folder_named_after_what_is_swept():
     arguments = ["-m", "+study=holes,scaling", "segmenter.time=0.5,1", "repeats=2", "dataset=bundled,files"]
     job = ["+study=holes", "segmenter.time=0.5", "repeats=2", "dataset=files"]
-    assert swept_folder(arguments, job) == "segmenter.time=0.5"
-    assert swept_folder(["+study=holes", "repeats=2"], ["+study=holes", "repeats=2"]) == ""
+    swept = swept_options(arguments, job)
+    assert swept == {"segmenter.time": "0.5"}
+    assert swept_folder(swept) == "segmenter.time=0.5"
+    assert swept_options(["+study=holes", "repeats=2"], ["+study=holes", "repeats=2"]) == {}

@@ -47,7 +47,7 @@ def test_trials_of_one_group_are_consecutive(plan):
 
 def test_options_of_a_segmenter_among_several_are_used(plan):
     several = plan(*SMALL, "segmenters=[tests.helpers.segmenting.halves,heat_walk]", "segmenter.time=2")
-    assert {t.segmenter.method.time for t in several if t.segmenter_name == "HeatWalk"} == {2}
+    assert {t.segmenter.method.time for t in several if t.segmenter_name == "HeatWalk (time=2)"} == {2}
 
 
 @pytest.mark.parametrize(

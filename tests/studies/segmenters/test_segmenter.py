@@ -69,7 +69,8 @@ def made(composed, *overrides):
 def test_the_heat_walk_returns_its_own_labels(composed, ant):
     segmenter = made(composed, "segmenter.time=0.5")
     assert (segmenter(*ant) == HeatWalk(0.5)(*ant)).all()
-    assert segmenter.name == "HeatWalk"
+    assert segmenter.name == "HeatWalk (time=0.5)"
+    assert made(composed).name == "HeatWalk"
     options = {"_target_": "studies.segmenters.HeatWalk", "time": 0.5, "time_unit": "paper", "density": "vertices"}
     assert segmenter.fingerprint == [options | {"split_dissipators": False}, heatwalk.ALGORITHM_VERSION]
 
@@ -80,7 +81,7 @@ def test_a_function_is_called_with_its_options_and_gives_the_segmenter_its_name(
     ).all()
     segmenter = made(composed, "segmenter._target_=my_methods.halves", "+segmenter.axis=2")
     assert (segmenter(*ant) == (ant[0][:, 2] > np.median(ant[0][:, 2]))).all()
-    assert segmenter.name == "halves"
+    assert segmenter.name == "halves (axis=2)"
 
 
 @pytest.mark.parametrize("group", [[], ["segmenter=custom"]])
@@ -100,7 +101,7 @@ def test_a_method_may_label_faces_and_modify_the_mesh(mine, composed, ant):
 def test_a_class_is_instantiated_once_per_process_and_need_not_be_picklable(mine, composed, ant):
     segmenter = made(composed, "segmenter=custom", "segmenter._target_=my_methods.Parts", "+segmenter.k=3",
                      "+segmenter.weights=[1,2]")  # fmt: skip
-    assert segmenter.name == "my parts"
+    assert segmenter.name == "my parts (k=3, weights=[1, 2])"
     assert (pickle.loads(pickle.dumps(segmenter))(*ant) == np.arange(486) % 3).all()
 
 

@@ -64,7 +64,7 @@ def test_what_does_not_match_is_refused_and_named(study, here, capsys):
     study("repeats=1", "+segmenter.seconds=0.001", results="b")
     before = table("a")
     assert join("a", "b") == 2
-    assert f"segmenter.seconds is None in a/{FOLDER} and 0.001 in b/{FOLDER}" in said(capsys)
+    assert f"segmenter.seconds is 0.0 in a/{FOLDER} and 0.001 in b/{FOLDER}" in said(capsys)
 
     study("repeats=1", results="c")
     origin = here / "c" / FOLDER / "provenance.json"
