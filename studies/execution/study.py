@@ -255,7 +255,7 @@ def _write_whole(place: storage.Place, store: storage.RowStore) -> None:
     record = storage.read_config(place.folder)
     whole = Results.of_record(place.folder, record)
     rows = in_order(whole.rows)
-    store.write_plan(rows["trial_id"])
+    store.write_plan(dict.fromkeys([*rows["trial_id"], *(storage.planned_ids(place.folder) or ())]))
     write_tables(dataclasses.replace(whole, rows=rows), Console(quiet=True))
 
 

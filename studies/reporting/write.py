@@ -74,6 +74,8 @@ def write_origin(made: MadeFrom, place: Place, sources: Sequence[Path], *, ran: 
         _write(place.folder, record, new)
     elif ran or place.n_new or not stored:
         _write(place.folder, made.origin.record, new)
+    elif stored.pop("earlier_commands", None):  # this one makes all that several have made
+        _write(place.folder, made.origin.record, stored | {"command": made.command})
     else:
         _write(place.folder, made.origin.record, stored)
 
