@@ -15,7 +15,7 @@ import trimesh
 
 import perturb
 from studies import metrics
-from studies.columns import Column, Table
+from studies.columns import Column, Table, of_means
 from studies.experiments.experiment import (
     FAILURES,
     PUBLISHED,
@@ -473,11 +473,14 @@ def _mean_and_interval(rows: pd.DataFrame) -> dict[str, float]:
 def _further_metrics(rows: pd.DataFrame) -> list[Column]:
     """The metrics that the table shows next to the Change Percentage: those that the rows have values of.
 
-    Rows may be older than a metric.
+    Rows may be older than a metric, and words have no mean.
     """
     none_succeeded = not (rows["status"] == "ok").any()
     return [
-        dataclasses.replace(column, compact=False)
+        of_means(column)
         for column in metrics.columns()
-        if column.name != MEASURE and column.name in rows and (none_succeeded or rows[column.name].notna().any())
+        if column.name != MEASURE
+        and column.dtype != "string"
+        and column.name in rows
+        and (none_succeeded or rows[column.name].notna().any())
     ]
