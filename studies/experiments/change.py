@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 MEASURE = "change_percentage"  # the metric that the tables and curves are about
 SIZES = ("n_segments", "n_segments_reference")
+OF_STUDY = ("study", "repeats", "gallery")  # options of a study that do not count where it is a part of another
 
 PART = Column(name="part", dtype="string", heading="perturbation", help="Part of the study.")
 LEVEL = Column(name="level", format="g", help="Amount of the perturbation.")
@@ -279,8 +280,13 @@ class Change(Experiment):
     gallery: Mapping[str, Any] | Gallery | None = field(default_factory=Gallery)
 
     def __post_init__(self) -> None:
-        if not self.parts and self.perturbation is not None:
-            _checked_levels("levels" if not self.title else self.title, self.levels)
+        if not self.parts:
+            if self.perturbation is not None:
+                _checked_levels("levels" if not self.title else self.title, self.levels)
+            return
+        for option, default in (("perturbation", None), ("levels", None), ("axis", ""), ("swept", "amount")):
+            if getattr(self, option) != default:
+                raise StudyError(f"{option} is an option of each part of this study: parts.NAME.{option}=…")
 
     columns: ClassVar[tuple[Column, ...]] = metrics.columns()
     notes: ClassVar[str] = (
@@ -412,6 +418,9 @@ def _part(name: str, options: Mapping[str, Any]) -> Part:
     fields = {field.name for field in dataclasses.fields(Part)}
     if not isinstance(options, Mapping) or "perturbation" not in options or "levels" not in options:
         raise StudyError(f"parts.{name} needs a perturbation and levels")
+    unknown = sorted(options.keys() - fields - set(OF_STUDY))
+    if unknown:
+        raise StudyError(f"parts.{name}.{unknown[0]} is not an option: a part has {', '.join(sorted(fields))}")
     return Part(**{key: value for key, value in options.items() if key in fields})
 
 

@@ -47,10 +47,15 @@ class Experiment(ABC):
         what its rows have in addition to `studies.planning.trial.COLUMNS`
     notes : str
         what its tables show, in a few sentences
+    version : int, str or None
+        of an experiment of your own, on which the ids of its trials depend: raise it when its trials compute other
+        values, so that they run again. None: they depend on a digest of the code of the package, or of the module,
+        that defines it, and run again after every change of the code.
     """
 
     columns: ClassVar[tuple[Column, ...]] = ()
     notes: ClassVar[str] = ""
+    version: ClassVar[int | str | None] = None
 
     @abstractmethod
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:

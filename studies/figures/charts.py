@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from studies.columns import Column, Table
+from studies.reporting.text import count_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -309,7 +310,7 @@ def level_curve(table: Table, rows: pd.DataFrame, axis: str, title: str) -> Char
     """
     several = _has_several_segmenters(table.frame)
     n_models = rows.loc[rows["change_percentage"].notna(), "model"].nunique()
-    mean_label = f"{MEAN} ({_count(n_models, 'model')})"
+    mean_label = f"{MEAN} ({count_of(n_models, 'model')})"
     models, bands = ((), ()) if several else _behind_the_mean(rows)
     panel = Panel(
         x=Axis(f"{axis} ({_units(table.frame)})", ticks=_levels(table.frame)),
@@ -414,7 +415,7 @@ def segment_counts(rows: pd.DataFrame, intervals: Sequence[tuple[float, float]],
     left = Panel(
         x=Axis(f"time ({_units(rows)} units)", ticks=_round_values(_levels(rows)), logarithmic=True),
         y=Axis("segments", logarithmic=True),
-        title=f"Segments of {_count(n_models, 'model')}{' (median)' if several else ''}",
+        title=f"Segments of {count_of(n_models, 'model')}{' (median)' if several else ''}",
         series=tuple(
             Series(name if several else "median", _floats(count.columns), _numbers(count.median()), group=group)
             for group, (name, count) in enumerate(counts.items())
@@ -680,10 +681,6 @@ def _levels(frame: pd.DataFrame) -> tuple[float, ...]:
 
 def _units(frame: pd.DataFrame) -> str:
     return " and ".join(frame["unit"].unique()).replace("_", " ")
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _floats(values: Iterable[Hashable]) -> tuple[float, ...]:

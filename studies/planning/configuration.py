@@ -15,9 +15,12 @@ from omegaconf.errors import OmegaConfBaseException
 
 from studies.datasets import make_dataset
 from studies.planning.errors import StudyError
+from studies.planning.fingerprint import with_version
 from studies.planning.names import check_name
+from studies.planning.options import pass_to_experiment
 from studies.planning.targets import check_required, construct
 from studies.planning.types import expectation, has_type
+from studies.reporting.text import count_of
 from studies.storage.text import encodable
 
 if TYPE_CHECKING:
@@ -32,6 +35,8 @@ ON_ERROR = ("continue", "stop")
 
 # Options that are groups of options.
 GROUPS = ("study", "experiment", "dataset", "segmenter", "engine", "trial", "gallery")
+
+_OTHER_GROUPS = tuple(group for group in GROUPS if group != "gallery")  # whose options are not the experiment's
 
 # Options that belong to no class, with their types.
 GENERAL_OPTIONS: dict[str, Any] = {
@@ -92,8 +97,26 @@ class Study:
     command: str = ""
 
     def plan(self) -> list[Trial]:
-        """The trials of the study, model by model."""
-        return self.experiment.plan(self.name, self.dataset, self.segmenters)
+        """The trials of the study, model by model; those of an experiment of the user's own depend on its code.
+
+        Raises
+        ------
+        StudyError
+            if there are none
+        """
+        trials = self.experiment.plan(self.name, self.dataset, self.segmenters)
+        if not trials:
+            raise StudyError(f"{self.name}: there is nothing to run: {self._why_no_trials()}")
+        return [with_version(trial, self.experiment) for trial in trials]
+
+    def _why_no_trials(self) -> str:
+        n_models = len(self.dataset.models())
+        if not n_models:
+            return f"the dataset {self.dataset.name} has no models"
+        return (
+            f"the experiment {type(self.experiment).__name__} plans no trials for the "
+            f"{count_of(n_models, 'model')} of the dataset {self.dataset.name}"
+        )
 
     @property
     def full_title(self) -> str:
@@ -128,6 +151,7 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Stu
 
     _check_general_options(cfg)
     name = check_name("study.name", cfg.study.name)
+    cfg = pass_to_experiment(cfg, overrides, (*_OTHER_GROUPS, *GENERAL_OPTIONS, "segmenters"))
     engine = _engine(_options(cfg, "engine"))
     if not cfg.dry_run:
         engine.warm_up()  # worker processes import what they need while this process plans
@@ -196,8 +220,15 @@ def _options(cfg: DictConfig, group: str) -> dict[str, Any]:
 
 
 def _experiment(options: Mapping[str, Any]) -> Experiment:
+    from studies.experiments.experiment import Experiment
+
     check_required("experiment", options, {"_target_": "my_package.MyExperiment"}, StudyError)
-    return construct("experiment", options, StudyError)
+    experiment = construct("experiment", options, StudyError)
+    if not isinstance(experiment, Experiment):
+        raise StudyError(
+            f"experiment._target_={options['_target_']} is not a subclass of studies.experiments.Experiment"
+        )
+    return experiment
 
 
 def _engine(options: Mapping[str, Any]) -> Engine:

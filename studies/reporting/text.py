@@ -15,6 +15,17 @@ if TYPE_CHECKING:
 MANY_COLUMNS = 8
 
 
+def count_of(number: int, noun: str, plural: str = "") -> str:
+    """A number and what it counts.
+
+    Examples
+    --------
+    >>> count_of(1, "trial"), count_of(1200, "trial"), count_of(2, "study", "studies")
+    ('1 trial', '1,200 trials', '2 studies')
+    """
+    return f"{number:,} {noun if number == 1 else plural or f'{noun}s'}"
+
+
 def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Lines of a Markdown table.
 
