@@ -164,6 +164,11 @@ class Table:
     published_before: str = ""
     published: Published | None = None
 
+    @property
+    def title(self) -> str:
+        """The name with spaces, as a heading."""
+        return self.name.replace("_", " ").capitalize()
+
     def visible(self, *, compact: bool = False) -> list[Column]:
         """The columns that are shown: those of which there are values, and fewer where room is scarce."""
         return [

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 MOST_MODEL_LINES = 10  # models that are drawn as a line each; quartiles are drawn for more models
 MOST_HEAT_MAPS_PER_ROW = 4
+FEWEST_ROUND_VALUES = 3  # which label an axis well; with fewer, every value is labelled
 NARROW_PANEL = 0.45  # relative width of a panel with a single level
 COMPUTED = "computed"  # the ``source`` of values computed here, in a table of method scores
 CHANGE = "Change Percentage"
@@ -413,7 +414,7 @@ def segment_counts(rows: pd.DataFrame, intervals: Sequence[tuple[float, float]],
     several = len(counts) > 1
     n_models = rows["model"].nunique()
     left = Panel(
-        x=Axis(f"time ({_units(rows)} units)", ticks=_round_values(_levels(rows)), logarithmic=True),
+        x=Axis(f"time ({_units(rows)} units)", ticks=round_values(_levels(rows)), logarithmic=True),
         y=Axis("segments", logarithmic=True),
         title=f"Segments of {count_of(n_models, 'model')}{' (median)' if several else ''}",
         series=tuple(
@@ -650,14 +651,21 @@ def _largest(change: pd.DataFrame) -> float:
     return float(np.nanmax(values)) if (~np.isnan(values)).any() else 0.0
 
 
-def _round_values(values: Sequence[float]) -> tuple[float, ...]:
-    """The values 1, 2 and 5 times a power of ten within the range of some values."""
+def round_values(values: Sequence[float]) -> tuple[float, ...]:
+    """The values 1, 2 and 5 times a power of ten within the range of some values; these themselves if there are few.
+
+    Examples
+    --------
+    >>> round_values([0.3, 1.7, 20.0]), round_values([0.6, 0.75, 0.85])
+    ((0.5, 1.0, 2.0, 5.0, 10.0, 20.0), (0.6, 0.75, 0.85))
+    """
     if not values:
         return ()
     low, high = min(values), max(values)
     exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     candidates = [float(f"{digit}e{exponent}") for exponent in exponents for digit in (1, 2, 5)]
-    return tuple(value for value in candidates if low <= value <= high)
+    found = tuple(value for value in candidates if low <= value <= high)
+    return found if len(found) >= FEWEST_ROUND_VALUES else tuple(values)
 
 
 def _by_segmenter(frame: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hydra import compose
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -147,7 +148,7 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
 
 
 def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Study:
-    from studies.reporting.publication import Publication
+    from studies.reporting.results import publication_of
 
     _check_general_options(cfg)
     name = check_name("study.name", cfg.study.name)
@@ -157,6 +158,7 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Stu
         engine.warm_up()  # worker processes import what they need while this process plans
     dataset = make_dataset(_options(cfg, "dataset"))
     results_dir = Path(cfg.results_dir).expanduser()
+    record = _record(cfg)
     return Study(
         name=name,
         title=encodable(cfg.title),
@@ -170,8 +172,8 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Stu
         retry_failed=cfg.retry_failed,
         fresh=cfg.fresh,
         dry_run=cfg.dry_run,
-        publication=Publication.load(cfg.publication) if cfg.publication else None,
-        record=_record(cfg),
+        publication=publication_of(record),
+        record=record,
         command=encodable(command_of(overrides)),
     )
 
@@ -211,7 +213,19 @@ def command_of(overrides: Sequence[str]) -> str:
     import shlex
 
     kept = [option for option in overrides if not option.lstrip("+").startswith(INCIDENTAL)]
-    return f"python -m studies.run {shlex.join(kept)}"
+    return f"python -m studies.run {shlex.join([*kept, *_config_dir()])}"
+
+
+def _config_dir() -> list[str]:
+    """The flag with the user's own folder of configurations, relative to the current folder if it is inside."""
+    sources = HydraConfig.get().runtime.config_sources if HydraConfig.initialized() else ()
+    folders = [Path(source.path) for source in sources if source.provider == "command-line"]
+    here = Path.cwd()
+    return [
+        word
+        for folder in folders
+        for word in ("--config-dir", str(folder.relative_to(here) if folder.is_relative_to(here) else folder))
+    ]
 
 
 def _options(cfg: DictConfig, group: str) -> dict[str, Any]:
