@@ -1,7 +1,9 @@
 """Checks that a segmenter, a metric, a dataset or an experiment keeps to its contract, for the tests of their authors.
 
-Each check raises AssertionError with a message that tells what is wrong, where, and what the contract is:
+Each check raises AssertionError with a message that tells what is wrong, where, and what the contract is.
 
+Examples
+--------
 >>> from studies import metrics, testing
 >>> for metric in metrics.registered().values():
 ...     testing.check_metric(metric)
