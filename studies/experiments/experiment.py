@@ -26,12 +26,21 @@ if TYPE_CHECKING:
     Labels = Callable[[str], Mapping[str, np.ndarray] | None]
 
 SEGMENTER = Column(name="segmenter", dtype="string", help="Segmentation method.")
+"""Column of tables with the segmenter, which is shown if there are several."""
+
 MODELS = Column(name="n", dtype="int64", heading="models", format=".0f", help="Models without a failed trial.")
+"""Column of tables that count models."""
+
 TRIALS = Column(name="n", dtype="int64", heading="n", format=".0f", help="Trials that succeeded.")
+"""Column of tables that count trials."""
+
 FAILURES = Column(
     name="failures", dtype="int64", heading="failed", format=".0f", lower_is_better=True, help="Trials that failed."
 )
+"""Column of tables that count failed trials."""
+
 PUBLISHED = Column(name="published", help="Published value; `studies.reporting` puts the column of a publication here.")
+"""Where a table shows published values; without it, a table shows none."""
 
 
 @dataclass(frozen=True, kw_only=True)
