@@ -19,7 +19,7 @@ __all__ = ["load", "run"]
 def _import_conf() -> None:
     """Import the package ``conf`` of this project, which a folder of that name in the current folder would hide."""
     path = Path(__file__).parents[1] / "conf" / "__init__.py"
-    if "conf" in sys.modules or not path.exists():
+    if getattr(sys.modules.get("conf"), "__file__", None) or not path.exists():
         return
     spec = importlib.util.spec_from_file_location("conf", path, submodule_search_locations=[str(path.parent)])
     if spec is not None and spec.loader is not None:
