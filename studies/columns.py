@@ -217,7 +217,7 @@ def _formatted(value: Any, specification: str) -> str:
     if _is_of_integers(specification) and isinstance(value, Real) and not isinstance(value, Integral):
         if not float(value).is_integer():
             return format(value, _with_one_decimal(specification))
-        value = int(value)
+        value = int(float(value))
     return format(value, specification)
 
 

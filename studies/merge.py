@@ -33,7 +33,8 @@ def merge_folders(first: Path, second: Path, into: Path) -> None:
         lambda merged: write_tables(Results.of_record(into, merged.options, merged.rows), console),
     )
     console.print(
-        f"{count_of(merged.n_first, 'row')} of {first} and {merged.n_second:,} of {second} are {len(merged.rows):,} in {into}",
+        f"{count_of(merged.n_first, 'row')} of {first} and {merged.n_second:,} of {second} are {len(merged.rows):,} in "
+        f"{into}",
         highlight=False,
         soft_wrap=True,
     )

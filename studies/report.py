@@ -46,7 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"studies.report: error: {one_line(error)}", file=sys.stderr)
         return MISTAKE
-    console.print(f"{count_of(len(found), 'study', 'studies')}; the page is {root / 'README.md'}", highlight=False, soft_wrap=True)
+    console.print(
+        f"{count_of(len(found), 'study', 'studies')}; the page is {root / 'README.md'}", highlight=False, soft_wrap=True
+    )
     return SUCCESS
 
 

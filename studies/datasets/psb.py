@@ -208,8 +208,8 @@ class PSB(Dataset):
         ]
         if not models:
             raise DatasetError(
-                f"{root} has {count_of(len(available), 'model')} of the benchmark, and dataset.categories and dataset.models "
-                "select none of them"
+                f"{root} has {count_of(len(available), 'model')} of the benchmark, and dataset.categories and "
+                "dataset.models select none of them"
             )
         return models
 

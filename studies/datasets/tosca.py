@@ -216,7 +216,8 @@ class TOSCA(Dataset):
             selected = [model for model in selected if model.name in self._names]
         if not selected:
             raise DatasetError(
-                f"{root} has {count_of(len(models), 'pose')}, and dataset.categories and dataset.models select none of them"
+                f"{root} has {count_of(len(models), 'pose')}, and dataset.categories and dataset.models select none of "
+                "them"
             )
         return selected
 

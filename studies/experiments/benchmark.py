@@ -48,7 +48,9 @@ class BenchmarkTrial(Trial):
         """The mesh and people's segmentations of its faces."""
         people = self.model.human_segmentations()
         if len(people) < 2:
-            raise ValueError(f"model {self.model.name} has {count_of(len(people), 'segmentation')} by people; two are needed")
+            raise ValueError(
+                f"model {self.model.name} has {count_of(len(people), 'segmentation')} by people; two are needed"
+            )
         return self.model.load(), people
 
     def measure(self, prepared: tuple[LoadedMesh, list[np.ndarray]]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from hydra import compose, initialize_config_module
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import QuotedString
+from hydra.core.override_parser.types import Glob, QuotedString
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 
@@ -164,8 +164,9 @@ def list_globbed_studies(arguments: Sequence[str]) -> list[str]:
                 names = set(GlobalHydra.instance().config_loader().get_group_options("study")) - {CUSTOM}
                 own = _own_folder(arguments)
                 names |= {path.stem for path in (own / "study").glob("*.yaml")} if own else set()
-                override = OverridesParser.create().parse_override(argument)
-                argument = f"+study={','.join(override.value().filter(sorted(names)))}"
+                pattern = OverridesParser.create().parse_override(argument).value()
+                if isinstance(pattern, Glob):
+                    argument = f"+study={','.join(pattern.filter(sorted(names)))}"
         listed.append(argument)
     return listed
 

@@ -106,7 +106,9 @@ class Publication:
         position = list(frame.columns).index(table.published_before) if table.published_before else len(frame.columns)
         frame.insert(position, name, values)
         shown = next((column for column in table.columns if column.name == table.value), Column(name=table.value))
-        published = dataclasses.replace(shown, name=name, heading=name, bounds=None, help=f"Value in {self._data['label']}.")
+        published = dataclasses.replace(
+            shown, name=name, heading=name, bounds=None, help=f"Value in {self._data['label']}."
+        )
         columns = tuple(published if column == PUBLISHED else column for column in table.columns)
         notes = " ".join(filter(None, (table.notes, self._data["note"])))
         return table.replace(
@@ -179,7 +181,9 @@ class Publication:
 
     def _is_about(self, rows: pd.DataFrame) -> bool:
         """Whether some of the trials are of the publication's method with its settings."""
-        return self._is_own_method and ("segmenter" not in rows or bool((rows["segmenter"] == self._data["method"]).any()))
+        return self._is_own_method and (
+            "segmenter" not in rows or bool((rows["segmenter"] == self._data["method"]).any())
+        )
 
     def _matching(self, record: Mapping[str, Any], rows: pd.DataFrame) -> Iterator[Mapping[str, Any]]:
         """The entries about a row of a table."""
