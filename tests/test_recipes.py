@@ -136,7 +136,8 @@ def test_a_segmenter_takes_one_file_and_one_yaml(repository, follow):
 
 
 def test_a_metric_takes_one_file(repository, follow):
-    follow("### A metric")
+    printed, _ = follow("### A metric")
+    assert "VI" in printed
     folder = repository / "mine" / "shot_noise" / "bundled"
     rows = rows_of(folder)
     assert (rows["variation_of_information"] >= 0).all()
