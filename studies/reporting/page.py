@@ -56,7 +56,7 @@ def _introduction(publication: Publication | None) -> list[str]:
     if publication:
         text += (
             f" The paper: {publication.citation}. *Same*: the paper's value is in our interval. The paper does not "
-            "name its models, and its values would also differ with other models."
+            "name its models, and its values too would be different with other models."
         )
     return [text]
 
