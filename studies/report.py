@@ -22,6 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from studies.reporting.page import page, sorted_by_section, study_folders
     from studies.reporting.results import Results
     from studies.reporting.sweeps import sweeps_of, write_sweep
+    from studies.reporting.text import count_of
     from studies.reporting.write import write_tables
     from studies.storage import atomic_write, encodable
     from studies.storage.folders import table_is_current
@@ -51,7 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"studies.report: error: {one_line(error)}", file=sys.stderr)
         return MISTAKE
-    console.print(f"{len(found)} studies; the page is {root / 'README.md'}", highlight=False, soft_wrap=True)
+    console.print(
+        f"{count_of(len(found), 'study', 'studies')}; the page is {root / 'README.md'}", highlight=False, soft_wrap=True
+    )
     return SUCCESS
 
 

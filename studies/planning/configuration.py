@@ -10,17 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 from hydra import compose
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from studies.datasets import make_dataset
+from studies.datasets.dataset import listed_names
 from studies.planning.command_line import swept_folder
 from studies.planning.errors import StudyError
+from studies.planning.fingerprint import with_version
 from studies.planning.names import check_name
-from studies.planning.options import check_added
+from studies.planning.options import check_groups_of_options, pass_to_experiment, replaced_by_levels
 from studies.planning.targets import check_required, construct
 from studies.planning.types import expectation, has_type
+from studies.reporting.text import count_of
 from studies.storage.folders import UNPUBLISHED, is_published
 from studies.storage.text import encodable
 
@@ -36,6 +40,8 @@ ON_ERROR = ("continue", "stop")
 
 # Options that are groups of options.
 GROUPS = ("study", "experiment", "dataset", "segmenter", "engine", "trial", "gallery")
+
+_OTHER_GROUPS = tuple(group for group in GROUPS if group != "gallery")  # whose options are not the experiment's
 
 # Options that belong to no class, with their types.
 GENERAL_OPTIONS: dict[str, Any] = {
@@ -105,7 +111,7 @@ class Study:
     named_models: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def plan(self) -> list[Trial]:
-        """The trials of the study, model by model.
+        """The trials of the study, model by model; those of an experiment of the user's own depend on its code.
 
         Raises
         ------
@@ -113,12 +119,25 @@ class Study:
             if there are none, or if an option names a model that is not in the study
         """
         trials = self.experiment.plan(self.name, self.dataset, self.segmenters)
+        if not trials:
+            raise StudyError(f"{self.name}: there is nothing to run: {self._why_no_trials()}")
         known = dict.fromkeys(name for trial in trials for name in trial.model_names())
         for option, names in self.named_models.items():
             for name in names:
                 if name not in known:
-                    raise StudyError(f"{option} contains {name!r}, which is not in the study: {_listing(list(known))}")
-        return trials
+                    raise StudyError(
+                        f"{option} contains {name!r}, which is not in the study: {listed_names(list(known))}"
+                    )
+        return [with_version(trial, self.experiment) for trial in trials]
+
+    def _why_no_trials(self) -> str:
+        n_models = len(self.dataset.models())
+        if not n_models:
+            return f"the dataset {self.dataset.name} has no models"
+        return (
+            f"the experiment {type(self.experiment).__name__} plans no trials for the "
+            f"{count_of(n_models, 'model')} of the dataset {self.dataset.name}"
+        )
 
 
 def configure(cfg: DictConfig, overrides: Sequence[str] = (), swept: Mapping[str, str] | None = None) -> Study:
@@ -144,20 +163,22 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), swept: Mapping[str
 
 
 def _configure(cfg: DictConfig, overrides: Sequence[str], swept: Mapping[str, str]) -> Study:
-    from studies.reporting.publication import Publication
+    from studies.reporting.results import publication_of
 
     _check_general_options(cfg)
-    unused = check_added(cfg, overrides)
+    check_groups_of_options(cfg, overrides)
     if any(_key(option).startswith("gallery.") for option in overrides):
         from studies.experiments.change import checked_gallery
 
         checked_gallery(_options(cfg, "gallery"))
     name = check_name("study.name", cfg.study.name)
+    cfg = pass_to_experiment(cfg, overrides, (*_OTHER_GROUPS, *GENERAL_OPTIONS, "segmenters"))
     engine = _engine(_options(cfg, "engine"))
     if not cfg.dry_run:
         engine.warm_up()  # worker processes import what they need while this process plans
     dataset = make_dataset(_options(cfg, "dataset"))
     results_dir, sources, remarks = _places(cfg, overrides)
+    record = _record(cfg)
     return Study(
         name=name,
         title=encodable(cfg.title),
@@ -168,13 +189,13 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], swept: Mapping[str, st
         results_dir=results_dir,
         folder=results_dir / name / dataset.name / (swept_folder(swept) if swept else ""),
         sources=sources,
-        remarks=(*remarks, *unused),
+        remarks=(*remarks, *replaced_by_levels(cfg, overrides)),
         on_error=cfg.on_error,
         retry_failed=cfg.retry_failed,
         fresh=cfg.fresh,
         dry_run=cfg.dry_run,
-        publication=Publication.load(cfg.publication) if cfg.publication else None,
-        record=_record(cfg),
+        publication=publication_of(record),
+        record=record,
         command=encodable(command_of(overrides, _root_of(cfg))),
         swept=dict(swept),
         named_models=_named_models(cfg, overrides),
@@ -234,7 +255,19 @@ def command_of(overrides: Sequence[str], root: str = "") -> str:
     if root:
         position = next((i + 1 for i, option in enumerate(typed) if option.startswith("dataset=")), len(typed))
         typed.insert(position, f"dataset.root={root}")
-    return f"python -m studies.run {shlex.join(typed)}"
+    return f"python -m studies.run {shlex.join([*typed, *_config_dir()])}"
+
+
+def _config_dir() -> list[str]:
+    """The flag with the user's own folder of configurations, relative to the current folder if it is inside."""
+    sources = HydraConfig.get().runtime.config_sources if HydraConfig.initialized() else ()
+    folders = [Path(source.path) for source in sources if source.provider == "command-line"]
+    here = Path.cwd()
+    return [
+        word
+        for folder in folders
+        for word in ("--config-dir", str(folder.relative_to(here) if folder.is_relative_to(here) else folder))
+    ]
 
 
 def _root_of(cfg: DictConfig) -> str:
@@ -248,7 +281,9 @@ def _places(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Path, tuple[Path
     results_dir = Path(cfg.results_dir).expanduser()
     if "results_dir" in map(_key, overrides) or not is_published(results_dir):
         return results_dir, (results_dir,), ()
-    remark = f"  {results_dir} is published and stays as it is: results go to {UNPUBLISHED}; results_dir=PATH changes that"
+    remark = (
+        f"  {results_dir} is published and stays as it is: results go to {UNPUBLISHED}; results_dir=PATH changes that"
+    )
     return Path(UNPUBLISHED), (Path(UNPUBLISHED), results_dir), (remark,)
 
 
@@ -256,16 +291,11 @@ def _named_models(cfg: DictConfig, overrides: Sequence[str]) -> dict[str, list[s
     """The models that were typed for pictures. Those that a shipped study names need not be in the dataset."""
     named = {}
     for option in map(_key, overrides):
-        if option == "gallery.models" or option.startswith(("plates.", "figure15.")) and option.endswith(".models"):
+        if option == "gallery.models" or (option.startswith(("plates.", "figure15.")) and option.endswith(".models")):
             models = OmegaConf.select(cfg, option)
             if isinstance(models, ListConfig):
                 named[option] = [str(model) for model in models]
     return named
-
-
-def _listing(names: Sequence[str]) -> str:
-    """The first names of a list, and how many there are."""
-    return ", ".join(names) if len(names) <= 12 else f"{', '.join(names[:10])}, … ({len(names)} models)"
 
 
 def _key(override: str) -> str:
@@ -279,8 +309,15 @@ def _options(cfg: DictConfig, group: str) -> dict[str, Any]:
 
 
 def _experiment(options: Mapping[str, Any]) -> Experiment:
+    from studies.experiments.experiment import Experiment
+
     check_required("experiment", options, {"_target_": "my_package.MyExperiment"}, StudyError)
-    return construct("experiment", options, StudyError)
+    experiment = construct("experiment", options, StudyError)
+    if not isinstance(experiment, Experiment):
+        raise StudyError(
+            f"experiment._target_={options['_target_']} is not a subclass of studies.experiments.Experiment"
+        )
+    return experiment
 
 
 def _engine(options: Mapping[str, Any]) -> Engine:

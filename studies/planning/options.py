@@ -1,102 +1,141 @@
-"""Options that are typed and would have no effect: refused, or said."""
+"""Options that a study does not use are mistakes: one that is silently ignored looks as if it had an effect."""
 
 from __future__ import annotations
 
+import copy
+import inspect
+import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import DictConfig, OmegaConf
 
-from studies.planning.command_line import CHOICES, OPTIONS_OF_PART, hint_for
+from studies.planning.command_line import hint_for
 from studies.planning.errors import StudyError
+from studies.planning.targets import REQUIRED, locate
 
-# Groups whose options are checked by the class or function that they are passed to.
-CHECKED_LATER = ("dataset", "segmenter", "engine", "experiment", "perturbation", "hydra")
-OPTIONS_OF_GROUP = {
-    "study": ("name",),
-    "trial": ("timeout", "memory"),
-    "gallery": ("models", "columns", "style"),
-}
-OPTIONS_OF_ONE_PART = ("perturbation", "levels", "axis", "swept")
-# Options of the study itself, whatever its experiment.
-GENERAL = (
-    "results_dir", "title", "publication", "on_error", "retry_failed", "fresh", "dry_run", "segmenters", "trial",
-)  # fmt: skip
+# What a study without repeats, or without a gallery, does anyway.
+WITHOUT_EFFECT = {"repeats": 1, "gallery.models": 0}
 
-_REFERENCE = re.compile(r"\$\{(?:oc\.select:)?\s*([A-Za-z_]\w*)")
+# Options of conf/config.yaml that are there for the experiment, whether it uses them or not.
+FOR_EXPERIMENT = ("repeats", "swept", "gallery")
+
+# Options of groups that no class checks.
+OPTIONS_OF_GROUP = {"study": ("name",), "trial": ("timeout", "memory"), "gallery": ("models", "columns", "style")}
+
+_REFERENCE = re.compile(r"\$\{(?:oc\.select:)?([A-Za-z_][\w.]*)")
 
 
-def check_added(cfg: DictConfig, overrides: Sequence[str]) -> tuple[str, ...]:
-    """Refuse options that nothing uses, such as those that were added by ``+repeat=5``.
+def pass_to_experiment(cfg: DictConfig, overrides: Sequence[str], others: Iterable[str]) -> DictConfig:
+    """The configuration with options of the study passed to its experiment, which must take every one of them.
+
+    The shipped configurations of experiments refer to the options of the study that they use, as in
+    ``repeats: ${repeats}``. An experiment of the user's own is passed the option if its class has one of that name.
 
     Parameters
     ----------
     cfg : DictConfig
-        the composed configuration
     overrides : sequence of str
         with which it was composed
-
-    Returns
-    -------
-    tuple of str
-        a line for each option that exists and has no effect on this study
+    others : iterable of str
+        options, and groups of options, that are not the experiment's
 
     Raises
     ------
     StudyError
-        if an option that was added, or belongs to another kind of study, has no effect
+        If an option has been given that the experiment does not take.
     """
-    used = _used(cfg)
-    unused = []
-    for override in overrides:
-        name, is_set, _ = override.partition("=")
-        name, is_added = name.lstrip("+~").partition("@")[0], name.startswith("+")
-        top, *below = name.split(".")
-        if not is_set or (top in CHOICES and not below) or top in CHECKED_LATER[:4] or top == "hydra":
+    name = OmegaConf.to_container(cfg.experiment).get("_target_")  # type: ignore[union-attr]
+    if name in (None, REQUIRED):
+        return cfg  # which is a mistake that the construction of the experiment reports
+    accepted = _parameters(locate("experiment", name, StudyError))
+    cfg = copy.deepcopy(cfg)
+    OmegaConf.set_struct(cfg, False)
+    for option in _given(cfg, overrides, {*others, "hydra"}):
+        group = option.partition(".")[0]
+        if _is_used(option, _references(cfg)):
             continue
-        if top in OPTIONS_OF_ONE_PART and cfg.get("parts"):
-            names = ", ".join(f"parts.{part}.{'.'.join([top, *below])}" for part in cfg.parts)
-            raise StudyError(f"{name} has no effect on the study {cfg.study.name}, which has parts: {names}")
-        is_known = top in used or top in GENERAL or top in OPTIONS_OF_GROUP or top in ("repeats", "swept")
-        if is_added and not (is_known and _is_option_of_group(top, below)):
-            raise StudyError(f"{name} is not an option of the study {cfg.study.name}{_suggestion(name, cfg, used)}")
-        if _is_replaced(name, cfg):
-            unused.append(f"  {name} has no effect: the levels replace it")
-        elif not (top in used or top in GENERAL or top == "study"):
-            unused.append(f"  {name} has no effect on the study {cfg.study.name}")
-    return tuple(unused)
+        if group in accepted and group not in cfg.experiment:
+            cfg.experiment[group] = f"${{{group}}}"
+        elif option not in WITHOUT_EFFECT or OmegaConf.select(cfg, option) != WITHOUT_EFFECT[option]:
+            end = f"{_options(cfg, accepted)}{_suggestion(option, cfg)}"
+            raise StudyError(f"{option} is not an option of the study {cfg.study.name}{end}")
+    return cfg
 
 
-def _used(cfg: DictConfig) -> set[str]:
-    """The options of the study that its experiment, dataset, method or engine refers to."""
-    content: Any = OmegaConf.to_container(cfg, resolve=False)
-    texts = str([content.get(group) for group in CHECKED_LATER[:4]])
-    return set(_REFERENCE.findall(texts))
+def check_groups_of_options(cfg: DictConfig, overrides: Sequence[str]) -> None:
+    """Refuse options that do not exist of groups whose options are known, such as ``+trial.timeot=5``.
+
+    Raises
+    ------
+    StudyError
+        If there is one.
+    """
+    for override in OverridesParser.create().parse_overrides(list(overrides)):
+        group, _, option = override.key_or_group.partition(".")
+        known = OPTIONS_OF_GROUP.get(group)
+        if known and option and option.partition(".")[0] not in known:
+            options = ", ".join(f"{group}.{name}" for name in known)
+            raise StudyError(f"{override.key_or_group} is not an option; there is {options}")
 
 
-def _is_replaced(name: str, cfg: DictConfig) -> bool:
-    """Whether a name is that of the field of a perturbation that the levels replace."""
-    before, _, field = name.rpartition(".")
-    group, _, rest = before.rpartition("perturbation")
-    if rest or not before.endswith("perturbation"):
-        return False
-    swept = OmegaConf.select(cfg, f"{group}swept") or cfg.get("swept")
-    return field == swept
+def replaced_by_levels(cfg: DictConfig, overrides: Sequence[str]) -> list[str]:
+    """A line for each typed option of a perturbation that has no effect, since the levels of the study replace it."""
+    lines = []
+    for override in OverridesParser.create().parse_overrides(list(overrides)):
+        before, _, field = override.key_or_group.rpartition(".")
+        if before == "perturbation" or (before.startswith("parts.") and before.endswith(".perturbation")):
+            swept = OmegaConf.select(cfg, f"{before.removesuffix('perturbation')}swept") or cfg.get("swept")
+            if field == swept:
+                lines.append(f"  {override.key_or_group} has no effect: the levels of the study replace it")
+    return lines
 
 
-def _is_option_of_group(top: str, below: Sequence[str]) -> bool:
-    if top in OPTIONS_OF_GROUP and below:
-        return below[0] in OPTIONS_OF_GROUP[top]
-    return not (top == "parts" and len(below) > 1) or below[1] in OPTIONS_OF_PART
+def _suggestion(option: str, cfg: DictConfig) -> str:
+    """What may have been meant, or which study has the option, as the end of a message."""
+    hint = hint_for(option, sorted({*_references(cfg), *map(str, cfg)} - {option}))
+    return f"; {hint.removeprefix(': ').removeprefix(' ').replace('is an option', 'it is one')}" if hint else ""
 
 
-def _suggestion(name: str, cfg: DictConfig, used: set[str]) -> str:
-    """What may have been meant, as the end of a sentence."""
-    content: Any = OmegaConf.to_container(cfg, resolve=False)
-    known = [*used, *GENERAL]
-    for group in (*used, "perturbation", *OPTIONS_OF_GROUP, *CHECKED_LATER[:3]):
-        if isinstance(content.get(group), dict):
-            known += [f"{group}.{key}" for key in content[group] if not str(key).startswith("_")]
-    known = [each for each in dict.fromkeys(known) if each != name]
-    return hint_for(name, sorted(known)).replace(" is an option of", ", but of").replace(": did", "; did") or "; see --help"
+def _given(cfg: DictConfig, overrides: Sequence[str], others: set[str]) -> list[str]:
+    """Options for the experiment: those of the command line, and those that only a file of the study has."""
+    typed = [override.key_or_group for override in OverridesParser.create().parse_overrides(list(overrides))]
+    in_files = [str(key) for key in cfg if key not in FOR_EXPERIMENT]
+    return [option for option in dict.fromkeys([*typed, *in_files]) if option.partition(".")[0] not in others]
+
+
+def _references(cfg: DictConfig) -> set[str]:
+    """The options that the experiment's refer to, and those that these refer to."""
+    container: dict[str, Any] = OmegaConf.to_container(cfg, resolve=False)  # type: ignore[assignment]
+    found: set[str] = set()
+    groups = ["experiment"]
+    for group in groups:
+        for option in _REFERENCE.findall(json.dumps(container.get(group), default=str)):
+            found.add(option)
+            if option.partition(".")[0] not in groups:
+                groups.append(option.partition(".")[0])
+    return found
+
+
+def _is_used(option: str, references: set[str]) -> bool:
+    """Whether an option, or one that it contains or is part of, is referred to."""
+    return any(f"{option}.".startswith(f"{used}.") or f"{used}.".startswith(f"{option}.") for used in references)
+
+
+def _parameters(target: Any) -> list[str]:
+    """The options of a class."""
+    try:
+        parameters = inspect.signature(target).parameters.values()
+    except (TypeError, ValueError):
+        return []
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return [parameter.name for parameter in parameters if parameter.kind in kinds]
+
+
+def _options(cfg: DictConfig, accepted: Sequence[str]) -> str:
+    """What can be typed instead, as the end of a message."""
+    used = sorted({reference.partition(".")[0] for reference in _references(cfg)} & {*map(str, cfg)} - {"study"})
+    used += [f"experiment.{name}" for name in accepted if name not in cfg.experiment]
+    return f", whose options are {', '.join(used)}" if used else ", which has none but those that every study has"

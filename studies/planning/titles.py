@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from studies.reporting.text import count_of
+
 MOST_NAMED = 3  # methods that a title names
 
 
@@ -35,17 +37,6 @@ def _methods(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
-def counted(number: int, noun: str) -> str:
-    """A number with its noun.
-
-    Examples
-    --------
-    >>> counted(1, "model"), counted(1200, "trial")
-    ('1 model', '1,200 trials')
-    """
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
-
-
 def subset(number: int, total: int | None) -> str:
     """How many models of how many, "" if these are all, or it is not known.
 
@@ -54,4 +45,4 @@ def subset(number: int, total: int | None) -> str:
     >>> subset(1, 3), subset(3, 3), subset(1, None)
     ('1 of 3 models', '', '')
     """
-    return f"{number:,} of {counted(total, 'model')}" if total and number < total else ""
+    return f"{number:,} of {count_of(total, 'model')}" if total and number < total else ""

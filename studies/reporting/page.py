@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from studies import storage
-from studies.planning.titles import counted, full_title
+from studies.planning.titles import full_title
 from studies.reporting.publication import Publication
 from studies.reporting.results import CONFIG_FILE, Results
 from studies.reporting.sweeps import Sweep
-from studies.reporting.text import markdown_of, markdown_table
+from studies.reporting.text import count_of, markdown_of, markdown_table
 from studies.storage.folders import PUBLISHED_FILE
 from studies.storage.identity import short_digest
 
@@ -150,7 +150,9 @@ def _headings(studies: Sequence[Results], root: Path) -> dict[Path, str]:
     for study in studies:
         heading = headings[study.folder]
         if sum(heading == other for other in headings.values()) > 1 or _own_options(study, root):
-            headings[study.folder] = f"{heading}; {_own_options(study, root) or study.folder.relative_to(root).as_posix()}"
+            headings[study.folder] = (
+                f"{heading}; {_own_options(study, root) or study.folder.relative_to(root).as_posix()}"
+            )
     return headings
 
 
@@ -166,7 +168,7 @@ def _summary(study: Results) -> str:
     shows = study.publication.shows(study.name, study.rows) if study.publication else ""
     where = f"Section {section}{f', {shows}' if shows else ''}. " if section else _perturbations(study)
     failed = f", {study.failures:,} of which failed" if study.failures else ""
-    return f"{where}{_models(study)} {counted(len(study.rows), 'trial')}{failed}."
+    return f"{where}{_models(study)} {count_of(len(study.rows), 'trial')}{failed}."
 
 
 def _perturbations(study: Results) -> str:
@@ -178,7 +180,7 @@ def _perturbations(study: Results) -> str:
 def _models(study: Results) -> str:
     """Which models of how many."""
     names = study.models
-    number = study.subset or counted(len(names), "model")
+    number = study.subset or count_of(len(names), "model")
     dataset = study.record.get("dataset", {})
     categories = dataset.get("categories")
     if isinstance(categories, list):

@@ -85,9 +85,7 @@ class Sweep:
         widest = max(tables, key=lambda table: len(table.columns) + (table.published is not None))
         frame = pd.concat(frames, ignore_index=True)
         swept = [_column(name, frame) for name in self.options]
-        return widest.replace(
-            name=self.stem, frame=frame, columns=(*swept, *widest.columns)
-        )
+        return widest.replace(name=self.stem, frame=frame, columns=(*swept, *widest.columns))
 
 
 def sweeps_of(studies: Iterable[Results]) -> list[Sweep]:
@@ -96,9 +94,7 @@ def sweeps_of(studies: Iterable[Results]) -> list[Sweep]:
     for study in studies:
         if study.swept and len(study.rows):
             groups.setdefault((study.folder.parent, study.name, tuple(sorted(study.swept))), []).append(study)
-    return [
-        Sweep(sorted(group, key=_order), tuple(group[0].swept)) for group in groups.values() if len(group) > 1
-    ]
+    return [Sweep(sorted(group, key=_order), tuple(group[0].swept)) for group in groups.values() if len(group) > 1]
 
 
 def read_sweeps(folders: Iterable[Path]) -> list[Sweep]:

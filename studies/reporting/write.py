@@ -38,7 +38,7 @@ def write_tables(results: Results, console: Console, *, rows: bool = True) -> No
         with atomic_write(folder / f"{name}.csv") as path:
             table.frame.to_csv(path, index=False, float_format="%.6g")
     with atomic_write(folder / "table.md") as path:
-        path.write_text(encodable(markdown_page(results.title, results.main_table)), "utf-8")
+        path.write_text(encodable(markdown_page(results.title, *tables.values())), "utf-8")
     for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
         drawing.save(drawing.draw(chart), folder / f"{stem}.png")
     print_table(results.title, results.main_table, console)
@@ -106,9 +106,7 @@ def _encodable(value: Any) -> Any:
     return [_encodable(each) for each in value] if isinstance(value, list) else value
 
 
-def draw_pictures(
-    results: Results, trials: Sequence[Trial], labels: Labels, engine: Engine, console: Console
-) -> None:
+def draw_pictures(results: Results, trials: Sequence[Trial], labels: Labels, engine: Engine, console: Console) -> None:
     """Draw the pictures of surfaces that do not exist yet. Workers compute what they show."""
     from studies.figures import drawing
     from studies.figures.pictures import is_drawn

@@ -115,7 +115,8 @@ def make_segmenter(options: Mapping[str, Any]) -> Segmenter:
     ``_target_`` names a class, whose instances are called with (vertices, faces), or any other callable, which is
     itself called with them. The other options are passed to the class, or to every call. Modules are looked for in the
     current folder too. Two attributes of an instance are used if it has them: ``name``, by default the last part of
-    ``_target_``, to which options with another value than their default are added unless it is a property; and ``algorithm_version``, by default a digest of the code of the package, or of the module, that
+    ``_target_``, to which options with another value than their default are added unless it is a property; and
+    ``algorithm_version``, by default a digest of the code of the package, or of the module, that
     defines the target. Targets inside ``studies`` must declare ``algorithm_version``: the digest would change with
     every file of this project.
 

@@ -165,9 +165,7 @@ def place(base: Path, origin: Origin, planned: Sequence[Mapping[str, Any]], fres
     return place(folder / folder_name(words(chosen | changed)), origin, planned)
 
 
-def _extent(
-    planned: Sequence[Mapping[str, Any]], stored: Sequence[Mapping[str, Any]]
-) -> dict[str, tuple[int, int]]:
+def _extent(planned: Sequence[Mapping[str, Any]], stored: Sequence[Mapping[str, Any]]) -> dict[str, tuple[int, int]]:
     """How many models, levels and repeats are planned, of how many in all."""
     found = {}
     for noun, names in (("model", ("model", "other")), ("level", ("level",)), ("repeat", ("repeat",))):
@@ -195,7 +193,9 @@ def _own_folder(base: Path, origin: Origin) -> Path:
     folder = base / folder_name(words(changed) or f"dataset-{short_digest(sorted(origin.meshes.items()))}")
     if not _has_rows(folder):
         return folder
-    return folder.with_name(folder_name(f"{folder.name}-{short_digest([identity(origin.record), dict(origin.meshes)])}"))
+    return folder.with_name(
+        folder_name(f"{folder.name}-{short_digest([identity(origin.record), dict(origin.meshes)])}")
+    )
 
 
 def _has_rows(folder: Path) -> bool:
@@ -240,4 +240,3 @@ def _slot(row: Mapping[str, Any]) -> str:
     """What tells a trial apart, whatever it was made with."""
     values = [row.get(name) or 0 if name in ("level", "repeat") else row.get(name) or "" for name in SLOT]
     return json.dumps(values, default=str)
-

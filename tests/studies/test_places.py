@@ -218,7 +218,8 @@ def test_an_edited_mesh_replaces_its_rows_where_all_run_again_and_a_part_leaves_
 def test_another_version_of_the_method_never_mixes_with_the_rows_of_the_whole(ran, herd, configured, console):
     (herd / "versioned.py").write_text(
         "class Thirds:\n    algorithm_version = {}\n"
-        "    def __call__(self, vertices, faces):\n        return (vertices[:, 0] > vertices[:, 0].mean()).astype(int)\n"
+        "    def __call__(self, vertices, faces):\n"
+        "        return (vertices[:, 0] > vertices[:, 0].mean()).astype(int)\n"
     )
     source = (herd / "versioned.py").read_text()
     folder = herd / "results" / FOLDER
