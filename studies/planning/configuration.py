@@ -43,6 +43,8 @@ GROUPS = ("study", "experiment", "dataset", "segmenter", "engine", "trial", "gal
 
 _OTHER_GROUPS = tuple(group for group in GROUPS if group != "gallery")  # whose options are not the experiment's
 
+_FOR_DATASET = ("categories",)  # what a study suggests for datasets that have such an option
+
 # Options that belong to no class, with their types.
 GENERAL_OPTIONS: dict[str, Any] = {
     "results_dir": str,
@@ -172,7 +174,7 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], swept: Mapping[str, st
 
         checked_gallery(_options(cfg, "gallery"))
     name = check_name("study.name", cfg.study.name)
-    cfg = pass_to_experiment(cfg, overrides, (*_OTHER_GROUPS, *GENERAL_OPTIONS, "segmenters"))
+    cfg = pass_to_experiment(cfg, overrides, (*_OTHER_GROUPS, *GENERAL_OPTIONS, "segmenters", *_FOR_DATASET))
     engine = _engine(_options(cfg, "engine"))
     if not cfg.dry_run:
         engine.warm_up()  # worker processes import what they need while this process plans
