@@ -59,16 +59,20 @@ def surplus_note(surplus: bytes, record_size: int, kind: str) -> tuple[str, ...]
 
 def raw_mesh(vertices: NDArray, polygons: Polygons, notes: tuple[str, ...] = ()) -> RawMesh:
     """Triangulated polygons, after a check of their corners: the message counts the polygons of the file."""
-    n_vertices = len(vertices)
+    check_corners(polygons, len(vertices), "face")
+    return RawMesh(vertices, triangulate(vertices, polygons), len(polygons.sizes), notes)
+
+
+def check_corners(polygons: Polygons, n_vertices: int, kind: str) -> None:
+    """Raise MeshError for the first polygon, or other ``kind`` of cell, with a corner that is not a vertex."""
     invalid = (polygons.corners < 0) | (polygons.corners >= n_vertices)
     if invalid.any():
         first = int(np.argmax(invalid))
         polygon = int(np.searchsorted(np.cumsum(polygons.sizes), first, side="right"))
         raise MeshError(
-            f"face {polygon} (counted from 0) refers to vertex {polygons.corners[first]}, but there are {n_vertices} "
+            f"{kind} {polygon} (counted from 0) refers to vertex {polygons.corners[first]}, but there are {n_vertices} "
             "vertices"
         )
-    return RawMesh(vertices, triangulate(vertices, polygons), len(polygons.sizes), notes)
 
 
 def triangulate(vertices: NDArray, polygons: Polygons) -> NDArray[np.int64]:
