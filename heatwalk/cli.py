@@ -285,6 +285,8 @@ def _inspect(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
         ("non-manifold edges", report.n_nonmanifold_edges),
         ("degenerate faces", report.n_degenerate_faces),
         ("duplicate faces", report.n_duplicate_faces),
+        ("coincident vertices", report.n_coincident_vertices),
+        ("nearly coincident", report.n_nearly_coincident_vertices),
         ("watertight", report.is_watertight),
         ("consistently oriented", report.is_consistently_oriented),
         ("Euler characteristic", report.euler_characteristic),

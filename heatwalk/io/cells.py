@@ -65,6 +65,8 @@ def surface_mesh(vertices: NDArray, kinds: NDArray[np.integer], cells: Polygons)
     notes = []
     if n_volume and not n_faces:
         notes.append(f"took the {n_boundary:,} boundary faces of {n_volume:,} volume cell{'s' * (n_volume != 1)}")
+    elif n_volume and not n_boundary:
+        notes.append(f"ignored {n_volume:,} volume cells, whose boundary is among the faces of the file")
     elif n_volume:
         notes.append(
             f"added to the {n_faces:,} faces of the file {n_boundary:,} boundary faces of its {n_volume:,} volume cells"

@@ -24,6 +24,8 @@ _ELEMENTS = {
     6: (13, 6), 13: (32, 18), 18: (26, 15), 7: (14, 5), 14: (27, 14), 19: (27, 13),
 }  # fmt: skip
 
+_MAX_TAGS = 10_000  # of one element: groups, and partitions that it is in
+
 
 def read_msh(data: bytes) -> RawMesh:
     """Read the contents of an MSH file."""
@@ -99,12 +101,14 @@ class _Section:
     def take(self, count: int, kinds: str) -> NDArray[np.float64]:
         """``count`` rows of values of the ``kinds`` i (int), s (size) and d (double), (count, len(kinds))."""
         if self.is_binary:
-            dtype = np.dtype([(f"{i}", self._types[kind]) for i, kind in enumerate(kinds)])
-            available = max(len(self._data) - self._at, 0) // dtype.itemsize
-            self._check(count, available)
-            records = np.frombuffer(self._data, dtype, count, self._at)
-            self._at += count * dtype.itemsize
-            return np.column_stack([records[name].astype(np.float64) for name in dtype.names or ()])
+            types = [np.dtype(self._types[kind]) for kind in kinds[:2]] * (len(set(kinds)) == 1)
+            record = np.dtype((types[0], len(kinds))) if types else np.dtype(",".join(self._types[k] for k in kinds))
+            self._check(count, max(len(self._data) - self._at, 0) // record.itemsize)
+            rows = np.frombuffer(self._data, record, count, self._at)
+            self._at += count * record.itemsize
+            if types:
+                return rows.reshape(count, len(kinds)).astype(np.float64)
+            return np.column_stack([rows[name].astype(np.float64) for name in rows.dtype.names or ()])
         self._check(count, (len(self._values) - self._next) // len(kinds))
         begin = self._next
         self._next += count * len(kinds)
@@ -196,6 +200,8 @@ def _elements_2(section: _Section) -> tuple[NDArray[np.int64], Polygons]:
             element_type, n_tags = section.peek(3)[1:]
             n_before = 3
         kind, n_nodes = _element(element_type)
+        if not 0 <= n_tags <= _MAX_TAGS:
+            raise MeshError(f"element {n_read} (counted from 0) has {n_tags} tags: the file is damaged")
         if not section.is_binary:
             count = min(section.n_alike(3 + n_tags + n_nodes), n_elements - n_read)
         skipped = n_before + n_tags

@@ -19,7 +19,8 @@ from heatwalk.io.ply import read_ply
 from heatwalk.io.polygons import RawMesh
 from heatwalk.io.stl import read_stl
 from heatwalk.io.threemf import read_threemf
-from heatwalk.io.vtk import read_vtk, read_vtp, read_vtu
+from heatwalk.io.vtk_legacy import read_vtk
+from heatwalk.io.vtk_xml import read_vtp, read_vtu
 from heatwalk.io.welding import Weld, check_weld, coincidence_notes, weld_vertices
 from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced
 

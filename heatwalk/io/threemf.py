@@ -32,7 +32,7 @@ def read_threemf(data: bytes) -> RawMesh:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return _Package(archive).read()
-    except (zipfile.BadZipFile, zlib.error, EOFError) as error:
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:  # the last: encrypted
         raise MeshError(f"not a 3MF file, or it is damaged or truncated: {error}") from error
     except ET.ParseError as error:
         raise MeshError(f"its XML cannot be read: {error}") from error

@@ -99,6 +99,8 @@ def test_inspect_prints_the_report(capsys):
         "non-manifold edges": f"{report.n_nonmanifold_edges}",
         "degenerate faces": f"{report.n_degenerate_faces}",
         "duplicate faces": f"{report.n_duplicate_faces}",
+        "coincident vertices": f"{report.n_coincident_vertices}",
+        "nearly coincident": f"{report.n_nearly_coincident_vertices}",
         "watertight": "yes" if report.is_watertight else "no",
         "consistently oriented": "yes" if report.is_consistently_oriented else "no",
         "Euler characteristic": f"{report.euler_characteristic}",
