@@ -189,7 +189,7 @@ def _project(points: NDArray[np.float64]) -> NDArray[np.float64]:
     normal /= np.linalg.norm(normal) or 1.0
     axis = np.eye(3)[np.argmin(np.abs(normal))]
     first = np.cross(axis, normal)
-    first /= np.linalg.norm(first)
+    first /= np.linalg.norm(first) or 1.0
     return np.ascontiguousarray(np.column_stack([points @ first, points @ np.cross(normal, first)]))
 
 

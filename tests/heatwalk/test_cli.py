@@ -132,7 +132,7 @@ def test_an_output_that_is_not_a_ply_file_is_rejected(output, capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["segment", "cow.obj", "--output", output])
     assert stopped.value.code == 2
-    assert f"argument --output: must end in .ply, got '{output}'" in capsys.readouterr().err
+    assert f"argument --output: must end in .ply, or be a folder, got '{output}'" in capsys.readouterr().err
 
 
 def test_an_output_folder_that_does_not_exist_is_rejected(in_empty_folder, capsys):
