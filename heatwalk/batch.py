@@ -15,8 +15,8 @@ def meshes_in(paths: Sequence[Path]) -> list[Path]:
     Parameters
     ----------
     paths : sequence of Path
-        a file is taken whatever its name; of a folder the files that `heatwalk.read_mesh` reads by their suffix, without
-        those that ``heatwalk segment`` wrote and those of its subfolders
+        a file is taken whatever its name; of a folder the files with a suffix that `heatwalk.read_mesh` reads, without
+        those that ``heatwalk segment`` wrote and those in subfolders
 
     Returns
     -------
@@ -84,8 +84,12 @@ def outputs_for(meshes: Sequence[Path], folder: Path | None) -> list[Path]:
 def _in_folder(folder: Path) -> list[Path]:
     """The meshes in a folder, by name, without what was written by this command."""
     try:
-        files = sorted(path for path in folder.iterdir() if split_suffix(path.name)[1] and not path.name.startswith("._"))
-        meshes = [path for path in files if path.is_file() and "heatwalk" not in comments_of(path)]
+        files = sorted(path for path in folder.iterdir() if not path.name.startswith("._"))  # which are of macOS
+        meshes = [
+            path
+            for path in files
+            if split_suffix(path.name)[1] and path.is_file() and "heatwalk" not in comments_of(path)
+        ]
     except OSError as error:
         raise MeshError(f"{folder}: cannot be read: {error.strerror or error}") from error
     if not meshes:

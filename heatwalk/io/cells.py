@@ -1,7 +1,5 @@
 """The surface of a mesh of cells of any kind, as VTK and Gmsh store them: its faces, and the boundary of its volume."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,10 +31,10 @@ def _prism(n_sides: int) -> list[tuple[int, ...]]:
 
 # The faces of each volume cell, in any orientation.
 _FACES: dict[int, list[tuple[int, ...]]] = {
-    **dict.fromkeys(_TETRAHEDRA, [(0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)]),
-    **dict.fromkeys(_HEXAHEDRA, _prism(4)),
-    **dict.fromkeys(_WEDGES, _prism(3)),
-    **dict.fromkeys(_PYRAMIDS, [(0, 1, 2, 3), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]),
+    **{kind: [(0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)] for kind in _TETRAHEDRA},
+    **{kind: _prism(4) for kind in _HEXAHEDRA},
+    **{kind: _prism(3) for kind in _WEDGES},
+    **{kind: [(0, 1, 2, 3), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)] for kind in _PYRAMIDS},
     15: _prism(5),
     16: _prism(6),
 }
@@ -81,7 +79,7 @@ def surface_mesh(vertices: NDArray, kinds: NDArray[np.integer], cells: Polygons)
 
 
 def _check_cells(kinds: NDArray[np.integer], cells: Polygons, n_vertices: int) -> None:
-    """Raise MeshError for a cell of a type that is not read, or with too few vertices, or vertices that are not there."""
+    """Raise MeshError for a cell of a type that is not read, with too few vertices, or with one that is not there."""
     known = (*_POINTS_AND_LINES, *_N_CORNERS, STRIP, POLYGON)
     unknown = np.flatnonzero(~np.isin(kinds, known))
     if len(unknown):
@@ -164,8 +162,7 @@ def _boundary(
     found = [Polygons(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))]
     for size, parts in sides.items():
         rings = np.vstack(parts)
-        given = np.vstack([*_rings_of_size(faces, size)])
-        key = np.sort(np.vstack([rings, given]), axis=1)
+        key = np.sort(np.vstack([rings, _rings_of_size(faces, size)]), axis=1)
         _, rank, n_same = np.unique(key, axis=0, return_inverse=True, return_counts=True)
         alone = np.flatnonzero(n_same[rank.reshape(-1)[: len(rings)]] == 1)
         outward = _facing_away(vertices, rings[alone], np.vstack(insides[size])[alone])
@@ -173,10 +170,10 @@ def _boundary(
     return Polygons(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
 
 
-def _rings_of_size(faces: Polygons, size: int) -> Iterator[NDArray[np.int64]]:
+def _rings_of_size(faces: Polygons, size: int) -> NDArray[np.int64]:
     """The polygons of a number of corners, (p, size)."""
     starts = (np.cumsum(faces.sizes) - faces.sizes)[faces.sizes == size]
-    yield faces.corners[starts[:, None] + np.arange(size)]
+    return faces.corners[starts[:, None] + np.arange(size)]
 
 
 def _facing_away(vertices: NDArray, rings: NDArray[np.int64], insides: NDArray[np.float64]) -> NDArray[np.int64]:

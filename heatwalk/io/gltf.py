@@ -86,7 +86,7 @@ def _chunks(data: bytes) -> Iterator[tuple[int, bytes]]:
 class _Node(NamedTuple):
     """A node of the scene, and the transform to the coordinates of the scene."""
 
-    index: int
+    number: int
     to_scene: NDArray[np.float64]
 
 
@@ -182,7 +182,7 @@ class _Reader:
             outside = np.flatnonzero(indices >= len(vertices))
             if len(outside):
                 raise MeshError(
-                    f"{where}: corner {outside[0]} is vertex {indices[outside[0]]}, but there are {len(vertices)} vertices"
+                    f"{where} refers to vertex {indices[outside[0]]}, but there are {len(vertices)} vertices"
                 )
             if mode == _TRIANGLES and len(indices) % 3:
                 raise MeshError(f"{where} has {len(indices)} corners, which is not a multiple of three")
@@ -203,7 +203,7 @@ class _Reader:
         elif "sparse" in accessor:
             values = np.zeros((count, width), kind)
         else:
-            raise MeshError(f"{where} has no data: the mesh is compressed in a way that is not read, or the file damaged")
+            raise MeshError(f"{where} has no data: the mesh is compressed, which is not read, or the file is damaged")
         if "sparse" in accessor:
             sparse = accessor["sparse"]
             at, given = sparse["indices"], sparse["values"]

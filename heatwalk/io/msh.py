@@ -24,6 +24,10 @@ _ELEMENTS = {
     6: (13, 6), 13: (32, 18), 18: (26, 15), 7: (14, 5), 14: (27, 14), 19: (27, 13),
 }  # fmt: skip
 
+# The first section is the format, or comments and the like.
+_HEADER = re.compile(
+    rb"(?:\s*\$(?!MeshFormat)\w+.*?\$End\w+)*\s*\$MeshFormat\s+(\S+)\s+(\S+)\s+(\S+)[ \t]*\r?\n", re.DOTALL
+)
 _MAX_TAGS = 10_000  # of one element: groups, and partitions that it is in
 
 
@@ -31,13 +35,17 @@ def read_msh(data: bytes) -> RawMesh:
     """Read the contents of an MSH file."""
     data = data.removeprefix(BYTE_ORDER_MARK)
     if re.match(rb"\s*\$NOD\b", data):
-        raise MeshError("is a file of version 1 of Gmsh's format, which is not read: convert it with gmsh -save -format msh41")
-    header = re.match(rb"(?:\s*\$(?!MeshFormat)\w+.*?\$End\w+)*\s*\$MeshFormat\s+(\S+)\s+(\S+)\s+(\S+)[ \t]*\r?\n", data, re.DOTALL)
+        raise MeshError(
+            "is version 1 of Gmsh's format; versions 2 and 4.1 are read: gmsh -save -format msh41 converts it"
+        )
+    header = _HEADER.match(data)
     if header is None:
         raise MeshError("not a file of Gmsh: it has no section $MeshFormat")
     version = header[1].decode("ascii", errors="replace")
     if not (re.fullmatch(r"2(\.\d+)?", version) or version == "4.1"):
-        raise MeshError(f"is version {version} of Gmsh's format; versions 2 and 4.1 are read")
+        raise MeshError(
+            f"is version {version} of Gmsh's format; versions 2 and 4.1 are read: gmsh -save -format msh41 converts it"
+        )
     order = ""
     if header[2] == b"1":
         order = "<" if data[header.end() : header.end() + 4] == b"\1\0\0\0" else ">"
@@ -67,8 +75,10 @@ def _positions(tags: NDArray[np.int64], corners: NDArray[np.int64]) -> NDArray[n
     repeated = np.flatnonzero(ordered[1:] == ordered[:-1])
     if len(repeated):
         raise MeshError(f"defines node {ordered[repeated[0]]} more than once")
-    at = np.searchsorted(ordered, corners)
-    missing = np.flatnonzero((at == len(tags)) | (ordered[np.minimum(at, len(tags) - 1)] != corners) if len(tags) else corners >= 0)
+    if not len(tags):
+        raise MeshError("defines no nodes: the file is truncated, or has no mesh")
+    at = np.minimum(np.searchsorted(ordered, corners), len(tags) - 1)
+    missing = np.flatnonzero(ordered[at] != corners)
     if len(missing):
         raise MeshError(f"an element refers to node {corners[missing[0]]}, which the file does not define")
     return order[at]
@@ -101,12 +111,13 @@ class _Section:
     def take(self, count: int, kinds: str) -> NDArray[np.float64]:
         """``count`` rows of values of the ``kinds`` i (int), s (size) and d (double), (count, len(kinds))."""
         if self.is_binary:
-            types = [np.dtype(self._types[kind]) for kind in kinds[:2]] * (len(set(kinds)) == 1)
-            record = np.dtype((types[0], len(kinds))) if types else np.dtype(",".join(self._types[k] for k in kinds))
+            is_uniform = len(set(kinds)) == 1
+            fields = ",".join(self._types[kind] for kind in kinds) if not is_uniform else ""
+            record = np.dtype((self._types[kinds[0]], len(kinds))) if is_uniform else np.dtype(fields)
             self._check(count, max(len(self._data) - self._at, 0) // record.itemsize)
             rows = np.frombuffer(self._data, record, count, self._at)
             self._at += count * record.itemsize
-            if types:
+            if is_uniform:
                 return rows.reshape(count, len(kinds)).astype(np.float64)
             return np.column_stack([rows[name].astype(np.float64) for name in rows.dtype.names or ()])
         self._check(count, (len(self._values) - self._next) // len(kinds))
@@ -119,7 +130,8 @@ class _Section:
         values = self.take(count, kinds)
         integers = values.astype(np.int64)
         if not (integers == values).all():
-            raise MeshError(f"the section ${self._name} has {values[integers != values][0]:g} where an integer is required")
+            bad = values[integers != values][0]
+            raise MeshError(f"the section ${self._name} has {bad:g} where an integer is required")
         return integers
 
     def peek(self, count: int) -> list[int]:

@@ -95,7 +95,8 @@ def triangulate(vertices: NDArray, polygons: Polygons) -> _Triangulation:
 
     Polygons with at least four corners become fans around their first corner (quads: halves along the diagonal from
     it), unless the fan would leave the polygon. Then the polygon is concave, and ears are clipped from its projection
-    to the plane that its area vector is normal to. One that crosses itself stays a fan. Polygons with fewer than three corners have no triangles.
+    to the plane that its area vector is normal to. One that crosses itself stays a fan. Polygons with fewer than three
+    corners have no triangles.
     """
     sizes, corners = polygons
     if (sizes == 3).all():
@@ -158,8 +159,9 @@ def _leaves_polygon(vertices: NDArray, rings: NDArray[np.int64]) -> NDArray[np.b
         total = areas.sum(axis=1, keepdims=True)
         along = (areas * total).sum(axis=2)
         square = (total**2).sum(axis=(1, 2))
-        cancels = square <= (_TURNED_OVER * np.linalg.norm(areas, axis=2).sum(axis=1)) ** 2
-        return (along.min(axis=1) < -_TURNED_OVER * square) | (cancels & (np.abs(areas).max(axis=(1, 2)) > _TURNED_OVER))
+        parts = np.linalg.norm(areas, axis=2).sum(axis=1)
+        cancels = (parts > _TURNED_OVER) & (square <= (_TURNED_OVER * parts) ** 2)
+        return cancels | (along.min(axis=1) < -_TURNED_OVER * square)
 
 
 def _clip_ears(vertices: NDArray, ring: NDArray[np.int64]) -> NDArray[np.int64] | None:

@@ -95,10 +95,10 @@ def read_mesh(path: str | Path, weld: Weld = None) -> LoadedMesh:
     triangles come first, then the halves of the quads, then the rest; concave polygons by ear clipping in the plane
     that fits them best, others as fans around their first corner. The parts of a scene (glTF, 3MF) are placed by its
     transforms and joined; coordinates stay in the unit of the file, and the axes what they are. Of volume cells (VTK,
-    Gmsh) the boundary is taken, and cells of higher order are read by their corners. STL corners with exactly equal coordinates are
-    merged into one vertex, and the vertices are sorted by coordinates. Unreferenced vertices are dropped. Vertices
-    that coincide, exactly or within 1e-5 of the bounding-box diagonal, stay separate unless ``weld`` is given, and a
-    note counts them.
+    Gmsh) the boundary is taken, and cells of higher order are read by their corners. STL corners with exactly equal
+    coordinates are merged into one vertex, and the vertices are sorted by coordinates. Unreferenced vertices are
+    dropped. Vertices that coincide, exactly or within 1e-5 of the bounding-box diagonal, stay separate unless ``weld``
+    is given, and a note counts them.
 
     Examples
     --------

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from heatwalk.io.numbers import parse_numbers, shown, to_integers
 from heatwalk.io.placing import Part, join_parts, placed
-from heatwalk.io.polygons import RawMesh, check_corners, Polygons
+from heatwalk.io.polygons import Polygons, RawMesh, check_corners
 from heatwalk.meshes import MeshError
 
 _MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
@@ -32,7 +32,7 @@ def read_threemf(data: bytes) -> RawMesh:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return _Package(archive).read()
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:  # the last: encrypted
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:  # the last: encrypted or compressed oddly
         raise MeshError(f"not a 3MF file, or it is damaged or truncated: {error}") from error
     except ET.ParseError as error:
         raise MeshError(f"its XML cannot be read: {error}") from error

@@ -24,7 +24,7 @@ _TYPES = {
 _POLYGONAL = {"VERTICES": 2, "LINES": 4, "POLYGONS": POLYGON, "TRIANGLE_STRIPS": STRIP}
 _LINE, _QUAD, _HEXAHEDRON = 3, 9, 12
 
-_HEADER = re.compile(rb"\s*# vtk DataFile Version (\d+)\.\d+[^\n]*\n[^\n]*\n[ \t]*(ASCII|BINARY)\b[ \t]*\r?\n", re.IGNORECASE)
+_HEADER = re.compile(rb"\s*# vtk DataFile Version[^\n]*\n[^\n]*\n[ \t]*(ASCII|BINARY)\b[ \t]*\r?\n", re.IGNORECASE)
 _WORD = re.compile(rb"\s*(\S+)")
 # What ends the numbers of an ASCII section: a word of letters other than nan and inf.
 _KEYWORD = re.compile(rb"(?<![^\s])(?!(?:nan|inf|infinity)\b)[A-Za-z_]", re.IGNORECASE)
@@ -46,7 +46,7 @@ def read_vtk(data: bytes) -> RawMesh:
             "not a legacy VTK file: it does not begin with '# vtk DataFile Version', a title, and ASCII or BINARY; XML "
             "files of VTK end in .vtp or .vtu"
         )
-    return _File(data, header.end(), header[2].upper() == b"BINARY").read()
+    return _File(data, header.end(), header[1].upper() == b"BINARY").read()
 
 
 class _File:

@@ -1,5 +1,6 @@
 """XML files of VTK: polygons (.vtp) and unstructured grids (.vtu), in any encoding, read by VTK itself."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -50,15 +51,15 @@ def _read(reader: Any, data: bytes, kind: str) -> Any:
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     try:
         reader.ReadFromInputStringOn()
-        reader.SetInputString(data.decode("latin-1"))
+        reader.SetInputString(data)
         reader.Update()
     finally:
         vtkOutputWindow.SetInstance(window_before)
         vtkLogger.SetStderrVerbosity(verbosity_before)
-    said = [line.strip() for line in window.GetOutput().splitlines()]
-    errors = [line.partition("): ")[2] or line for line in said if line and not line.startswith(("ERROR: In", "Warning: In"))]
-    if errors:
-        raise MeshError(f"VTK cannot read it: {errors[0]}")
+    said = (line.strip() for line in window.GetOutput().splitlines())
+    problems = [line.partition("): ")[2] or line for line in said if not re.match("ERROR: In|Warning: In|$", line)]
+    if problems:
+        raise MeshError(f"VTK cannot read it: {problems[0]}")
     return reader.GetOutput()
 
 
