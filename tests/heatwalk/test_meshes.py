@@ -173,3 +173,12 @@ def test_faces_that_all_repeat_a_corner_form_no_surface():
     assert (report.n_boundary_edges, report.mean_edge_length, report.area) == (0, 0, 0)
     assert not report.is_watertight
     assert not report.is_consistently_oriented
+
+
+def test_the_report_counts_vertices_that_coincide_exactly_and_nearly():
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 1e-9], [1, 1, 0]])
+    report = inspect_mesh(vertices, [[0, 1, 2], [3, 5, 4]])
+    assert (report.n_coincident_vertices, report.n_nearly_coincident_vertices) == (2, 2)
+    report = inspect_mesh(vertices[[0, 1, 2, 5]], [[0, 1, 2], [1, 3, 2]])
+    assert (report.n_coincident_vertices, report.n_nearly_coincident_vertices) == (0, 0)
+    assert inspect_mesh(np.full((4, 3), np.nan), [[0, 1, 2], [1, 2, 3]]).n_coincident_vertices in (0, 4)
