@@ -22,7 +22,7 @@ from heatwalk.io.threemf import read_threemf
 from heatwalk.io.vtk_legacy import read_vtk
 from heatwalk.io.vtk_xml import read_vtp, read_vtu
 from heatwalk.io.welding import Weld, check_weld, coincidence_notes, weld_vertices
-from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced
+from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced, repeats_earlier_face
 
 READERS: dict[str, Callable[..., RawMesh]] = {
     ".off": read_off,
@@ -150,6 +150,9 @@ def _finish(vertices: NDArray[np.float64], faces: NDArray[np.int64], notes: tupl
         vertices, faces = weld_vertices(vertices, faces, weld)
         if len(vertices) < n_before:
             notes += (f"welded {n_before:,} vertices into {len(vertices):,}",)
+    n_repeated = np.count_nonzero(repeats_earlier_face(faces))
+    if n_repeated:
+        notes += (f"{n_repeated:,} faces repeat the corners of another face, which counts once",)
     return LoadedMesh(vertices, faces, notes + coincidence_notes(vertices, faces))
 
 
