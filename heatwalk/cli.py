@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             return _run(argv)
         finally:
-            sys.stdout.flush()
+            _flush()
     except BrokenPipeError:  # a reader such as `head` has seen enough
         _discard_output()
         return 0
@@ -99,9 +99,15 @@ def _summarize(done: str, paths: Sequence[Path], failed: Sequence[Path]) -> int:
     return 2 if failed else 0
 
 
+def _flush() -> None:
+    """Write what was printed, unless the process was started without a standard output."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
 def _discard_output() -> None:
     """Send what is still to be written to stdout nowhere, so that Python's exit does not fail again."""
-    with contextlib.suppress(OSError, ValueError):
+    with contextlib.suppress(OSError, ValueError, AttributeError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
@@ -206,7 +212,8 @@ def _time(text: str) -> float:
 
 def _fail(message: object) -> int:
     """Print an error; returns the exit code."""
-    print(f"heatwalk: error: {message}", file=sys.stderr)
+    with contextlib.suppress(BrokenPipeError):
+        print(f"heatwalk: error: {message}", file=sys.stderr)
     return 2
 
 
@@ -226,10 +233,13 @@ def _segment(arguments: argparse.Namespace) -> int:
         return 0 if _segment_one(arguments, paths[0], outputs[0]) else 2
     failed = []
     for path, output in zip(paths, outputs, strict=True):
-        if _segment_one(arguments, path, output):
-            print(flush=True)
-        else:
-            failed.append(path)
+        try:
+            if _segment_one(arguments, path, output):
+                print(flush=True)
+            else:
+                failed.append(path)
+        except BrokenPipeError:  # nobody reads on, but the files are wanted
+            _discard_output()
     return _summarize("segmented", paths, failed)
 
 
@@ -397,7 +407,7 @@ def _inspect_one(arguments: argparse.Namespace, path: Path) -> bool:
     ):
         print(f"  {name:<22} {_format(value)}")
     if report.problem is not None:
-        sys.stdout.flush()
+        _flush()
         _fail(f"{path}: {report.problem}")
     return report.problem is None
 

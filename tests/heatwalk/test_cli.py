@@ -12,6 +12,7 @@ import trimesh
 import heatwalk
 from heatwalk.cli import main
 from heatwalk.io import label_colours, read_mesh, read_seg
+from tests.helpers.mesh_files import OCTAHEDRON, off_bytes
 from tests.helpers.meshes import bundled_path
 
 ROOT = Path(heatwalk.__file__).parents[1]
@@ -314,3 +315,19 @@ def test_a_full_disk_of_the_cache_is_done_without(tmp_path):
     )
     assert (process.returncode, process.stderr) == (0, "")
     assert "can be segmented" in process.stdout
+
+
+def test_all_meshes_of_a_folder_are_written_though_nobody_reads_on(tmp_path):
+    for name in "abc":
+        (tmp_path / f"{name}.off").write_bytes(off_bytes(OCTAHEDRON.vertices, OCTAHEDRON.faces))
+    code, _, error = script(["segment", tmp_path, tmp_path / "gone.off"], "| true")
+    assert code == 2
+    assert error.startswith(f"heatwalk: error: {tmp_path / 'gone.off'}: cannot be read: ")
+    assert len(list(tmp_path.glob("*_segments.seg"))) == 3
+
+
+def test_a_closed_output_is_done_without(tmp_path):
+    path = bundled_path("ant")
+    for arguments, expected in ((["inspect", path], 0), (["inspect", tmp_path / "gone.off"], 2), (["--version"], 0)):
+        code, _, error = script(arguments, ">&-")
+        assert (code, "Traceback" in error) == (expected, False)
