@@ -124,15 +124,25 @@ class _File:
                 name = self._word()
             n_components, n_rows, kind = self._count(), self._count(), self._word().lower()
             if kind == "string":
-                self._at = self._data.find(b"\n", self._at) + 1
-                if self._is_binary:
-                    raise MeshError(f"has the field {name!r} of texts, which is not read: save the file as ASCII")
-                for _ in range(n_components * n_rows):
-                    self._at = self._data.find(b"\n", self._at) + 1 or len(self._data)
-            elif kind == "bit" or kind not in _TYPES:
-                raise MeshError(f"has the field {name!r} of the type {kind!r}, which is not read")
+                self._skip_texts(n_components * n_rows)
+            elif kind == "bit" and self._is_binary:
+                self._values((n_components * n_rows + 7) // 8, "u1", name)
+            elif kind == "bit" or kind in _TYPES:
+                self._values(n_components * n_rows, _TYPES.get(kind, "u1"), name)
             else:
-                self._values(n_components * n_rows, _TYPES[kind], name)
+                raise MeshError(f"has the field {name!r} of the type {kind!r}, which is not read")
+
+    def _skip_texts(self, count: int) -> None:
+        """Pass over texts: a line each, or in binary the length in one, two, four or eight bytes, and the text."""
+        self._at = self._data.find(b"\n", self._at) + 1 or len(self._data)
+        for _ in range(count):
+            if not self._is_binary:
+                self._at = self._data.find(b"\n", self._at) + 1 or len(self._data)
+                continue
+            check_complete(1, int(self._at < len(self._data)), "texts of a field")
+            n_bytes = (8, 4, 2, 1)[self._data[self._at] >> 6]  # the first two bits tell
+            length = int.from_bytes(self._data[self._at : self._at + n_bytes], "big") & (1 << (8 * n_bytes - 2)) - 1
+            self._at += n_bytes + length
 
     def _read_cells(self, keyword: str) -> Polygons:
         """The cells of a section, as lists of vertices, each after its length, or as offsets and vertices."""

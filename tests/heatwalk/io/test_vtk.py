@@ -216,3 +216,15 @@ def test_a_legacy_file_cut_within_its_cells_is_an_error(tmp_path, is_binary):
 def test_infinite_coordinates_are_left_to_the_checks_of_the_mesh(tmp_path):
     mesh = read(tmp_path, QUADS.replace("0.0 0.0 1.0", "nan -inf 1.0"))
     assert inspect_mesh(mesh.vertices, mesh.faces).problem == "1 of 8 vertices have NaN or infinite coordinates: 4"
+
+
+@pytest.mark.parametrize("is_binary", [True, False])
+@pytest.mark.parametrize("length", [0, 5, 63, 64, 16_383, 16_384])
+def test_fields_of_texts_and_bits_are_passed_over(tmp_path, is_binary, length):
+    data_set = SURFACES["quads"].copy()
+    data_set.field_data["names"] = ["x" * length, "of\nthe", ""]
+    data_set.field_data["flags"] = np.array([True, False, True])
+    data_set.user_dict["author"] = "somebody"
+    assert_is_surface_of(legacy(data_set, tmp_path / "a.vtk", is_binary, 51), data_set)
+    data_set.save(tmp_path / "b.vtk", binary=is_binary)
+    assert_is_surface_of(read_mesh(tmp_path / "b.vtk"), data_set)
