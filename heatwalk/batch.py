@@ -94,6 +94,6 @@ def _in_folder(folder: Path) -> list[Path]:
         raise MeshError(f"{folder}: cannot be read: {error.strerror or error}") from error
     if not meshes:
         raise MeshError(
-            f"{folder}: contains no mesh ({', '.join(READERS)}, each also with {', '.join(DECOMPRESSORS)} after it)"
+            f"{folder}: contains no mesh, its subfolders apart ({', '.join(READERS)}, each also with {', '.join(DECOMPRESSORS)} after it)"
         )
     return meshes

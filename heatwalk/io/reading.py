@@ -57,7 +57,8 @@ class LoadedMesh:
     vertices : (n, 3) float64 array, in the unit of the file
     faces : (m, 3) int64 array of vertex indices
     notes : tuple of str
-        one sentence per change made while reading; empty if the arrays are exactly those of the file
+        one sentence per change made while reading, per thing in the file that is no part of the mesh, and on the unit
+        where the file tells it
     """
 
     vertices: NDArray[np.float64]
