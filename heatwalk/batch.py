@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from heatwalk.io.ply import comments_of
-from heatwalk.io.reading import DECOMPRESSORS, READERS, split_suffix
+from heatwalk.io.reading import READABLE, split_suffix
 from heatwalk.meshes import MeshError
 
 
@@ -93,7 +93,5 @@ def _in_folder(folder: Path) -> list[Path]:
     except OSError as error:
         raise MeshError(f"{folder}: cannot be read: {error.strerror or error}") from error
     if not meshes:
-        raise MeshError(
-            f"{folder}: contains no mesh, its subfolders apart ({', '.join(READERS)}, each also with {', '.join(DECOMPRESSORS)} after it)"
-        )
+        raise MeshError(f"{folder}: contains no mesh, its subfolders apart ({READABLE})")
     return meshes

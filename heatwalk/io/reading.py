@@ -47,6 +47,9 @@ DECOMPRESSORS: dict[str, Callable[[bytes], bytes]] = {
     ".xz": lzma.decompress,
 }
 
+# What can be read, for messages.
+READABLE = f"{', '.join(READERS)}, each also with {', '.join(DECOMPRESSORS)} after it"
+
 
 @dataclass(frozen=True)
 class LoadedMesh:
@@ -198,10 +201,7 @@ def _read_arrays(path: Path, file_format: str) -> tuple[NDArray[np.float64], NDA
     """Vertices, triangles, the number of polygons in a file, and notes on what was ignored."""
     suffix = split_suffix(path.name)[1].lower()
     if not suffix:
-        raise MeshError(
-            f"unknown suffix {path.suffix!r}; supported: {', '.join(READERS)}, each also with "
-            f"{', '.join(DECOMPRESSORS)} after it"
-        )
+        raise MeshError(f"unknown suffix {path.suffix!r}; supported: {READABLE}")
     data = path.read_bytes()
     mesh_suffix, dot, compression = suffix[1:].partition(".")
     if dot and data:
