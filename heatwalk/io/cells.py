@@ -61,21 +61,26 @@ def surface_mesh(vertices: NDArray, kinds: NDArray[np.integer], cells: Polygons)
     )
     n_volume, n_faces, n_boundary = int(np.count_nonzero(is_volume)), len(faces.sizes), len(boundary.sizes)
     notes = []
+    volume = _count(n_volume, "volume cell")
     if n_volume and not n_faces:
-        notes.append(f"took the {n_boundary:,} boundary faces of {n_volume:,} volume cell{'s' * (n_volume != 1)}")
+        notes.append(f"took the {n_boundary:,} boundary faces of {volume}")
     elif n_volume and not n_boundary:
-        notes.append(f"ignored {n_volume:,} volume cells, whose boundary is among the faces of the file")
+        notes.append(f"ignored {volume}, whose boundary is among the faces of the file")
     elif n_volume:
-        notes.append(
-            f"added to the {n_faces:,} faces of the file {n_boundary:,} boundary faces of its {n_volume:,} volume cells"
-        )
+        boundary = _count(n_boundary, "boundary face")
+        notes.append(f"added {boundary} of {volume} to the {_count(n_faces, 'face')} of the file")
     n_lower = int(np.count_nonzero(np.isin(kinds, _POINTS_AND_LINES)))
     if n_lower:
-        notes.append(f"ignored {n_lower:,} cell{'s' * (n_lower != 1)} that are points or lines")
+        notes.append(f"ignored {_count(n_lower, 'cell')} of points or lines")
     n_higher = int(np.count_nonzero(~np.isin(kinds, (*_LINEAR, *_POINTS_AND_LINES))))
     if n_higher:
-        notes.append(f"read {n_higher:,} cell{'s' * (n_higher != 1)} of higher order by their corners alone")
+        notes.append(f"read {_count(n_higher, 'cell')} of higher order by the corners alone")
     return raw_mesh(vertices, polygons, tuple(notes))
+
+
+def _count(count: int, noun: str) -> str:
+    """A number with its noun in singular or plural."""
+    return f"{count:,} {noun}{'s' * (count != 1)}"
 
 
 def _check_cells(kinds: NDArray[np.integer], cells: Polygons, n_vertices: int) -> None:

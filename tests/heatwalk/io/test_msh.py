@@ -98,7 +98,7 @@ def test_elements_of_several_kinds_are_read_and_points_and_lines_passed_over(tmp
     mesh = read(tmp_path, encode(CUBE_VERTICES, rows))
     report = inspect_mesh(mesh.vertices, mesh.faces)
     assert (report.is_watertight, report.area) == (True, pytest.approx(6))
-    assert mesh.notes == ("triangulated 7 faces into 12 triangles", "ignored 2 cells that are points or lines")
+    assert mesh.notes == ("triangulated 7 faces into 12 triangles", "ignored 2 cells of points or lines")
 
 
 @every_version

@@ -116,13 +116,13 @@ def test_faces_of_the_file_and_of_its_volume_cells_are_there_once(tmp_path):
     mesh = read(tmp_path, grid(CUBE + fin, [HEXAHEDRON, top, [4, 5, 8], [0, 1]], [12, 9, 5, 3]))
     assert mesh.notes == (
         "triangulated 7 faces into 13 triangles",
-        "added to the 2 faces of the file 5 boundary faces of its 1 volume cells",
-        "ignored 1 cell that are points or lines",
+        "added 5 boundary faces of 1 volume cell to the 2 faces of the file",
+        "ignored 1 cell of points or lines",
         "dropped 1 vertices that belong to no face",
     )
     assert inspect_mesh(mesh.vertices, mesh.faces).n_duplicate_faces == 0
     mesh = read(tmp_path, grid(CUBE, [HEXAHEDRON, *CUBE_QUADS], [12] + 6 * [9]))
-    assert mesh.notes[1] == "ignored 1 volume cells, whose boundary is among the faces of the file"
+    assert mesh.notes[1] == "ignored 1 volume cell, whose boundary is among the faces of the file"
     assert len(mesh.faces) == 12
 
 
@@ -139,7 +139,7 @@ def test_cells_of_higher_order_are_read_by_their_corners(tmp_path):
     for cell, n_triangles in ((CELLS.QuadraticTriangle, 1), (CELLS.QuadraticHexahedron, 12), (CELLS.LagrangeWedge, 8)):
         mesh = legacy(cell(), tmp_path / "a.vtk", True, 42)
         assert len(mesh.faces) == n_triangles
-        assert "read 1 cell of higher order by their corners alone" in mesh.notes
+        assert "read 1 cell of higher order by the corners alone" in mesh.notes
 
 
 def test_concave_polygons_are_covered_once(tmp_path):
