@@ -67,8 +67,8 @@ def surface_mesh(vertices: NDArray, kinds: NDArray[np.integer], cells: Polygons)
     elif n_volume and not n_boundary:
         notes.append(f"ignored {volume}, whose boundary is among the faces of the file")
     elif n_volume:
-        boundary = _count(n_boundary, "boundary face")
-        notes.append(f"added {boundary} of {volume} to the {_count(n_faces, 'face')} of the file")
+        added = _count(n_boundary, "boundary face")
+        notes.append(f"added {added} of {volume} to the {_count(n_faces, 'face')} of the file")
     n_lower = int(np.count_nonzero(np.isin(kinds, _POINTS_AND_LINES)))
     if n_lower:
         notes.append(f"ignored {_count(n_lower, 'cell')} of points or lines")

@@ -160,3 +160,12 @@ def test_the_digest_of_a_gltf_file_is_also_that_of_its_buffers(tmp_path):
             (tmp_path / "a.bin").write_bytes(data)
         digests.add(Files(str(tmp_path)).models()[0].digest())
     assert len(digests) == 3
+
+
+def test_models_can_be_selected_by_name(tmp_path):
+    for name in ("a.off", "cats/tom.off", "cats/kit.off"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert [model.name for model in Files(str(tmp_path), models=["cats/tom", "a"]).models()] == ["a", "cats/tom"]
+    with pytest.raises(DatasetError, match="does not have the models b; it has a, cats/kit, cats/tom"):
+        Files(str(tmp_path), models=["b"]).models()
