@@ -24,8 +24,8 @@ _FACET = re.compile(
 _FACET_BEGINS = re.compile(rb"\bfacet\s+(?:normal|outer)\b")
 # Between two facets: nothing, or the end of a solid and the beginning of the next one, each perhaps with a name.
 _BETWEEN = re.compile(rb"\s*|\s*end\s*solid\b.*\bsolid\b.*", re.DOTALL)
-# The line that begins a solid may contain any words.
-_NAME = re.compile(rb"^\s*solid\b[^\r\n]*[\r\n]|(?<=[\r\n])[ \t]*solid\b[^\r\n]*[\r\n]")
+# The lines that begin and end a solid may contain any words.
+_NAME = re.compile(rb"(?:\A\s*|(?<=[\r\n])[ \t]*)(?:end[ \t]*)?solid\b[^\r\n]*[\r\n]")
 _BEFORE = re.compile(rb"\s*solid\b.*", re.DOTALL)
 _AFTER = re.compile(rb"\s*end\s*solid\b.*", re.DOTALL)
 
