@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from heatwalk.io import LoadedMesh, read_mesh
+from heatwalk.io.reading import DECOMPRESSORS, READERS, files_of, split_suffix
 from studies.datasets.dataset import (
     Dataset,
     DatasetError,
@@ -23,7 +24,7 @@ from studies.datasets.dataset import (
 from studies.datasets.folders import is_macos_metadata
 from studies.storage.text import encodable
 
-SUFFIXES = (".off", ".obj", ".ply", ".stl")
+SUFFIXES = tuple(READERS)
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,12 @@ class FileModel(Model):
         return read_mesh(self.path, weld=self.weld)
 
     def digest(self) -> str:
-        """SHA-256 of the file, and of how its vertices are merged if they are."""
+        """SHA-256 of the file and of those that it refers to, and of how its vertices are merged if they are."""
         with self.path.open("rb") as file:
-            return welded_digest(hashlib.file_digest(file, "sha256").hexdigest(), self.weld)
+            digest = hashlib.file_digest(file, "sha256")
+        for path in files_of(self.path)[1:]:
+            digest.update(path.read_bytes() if path.is_file() else b"")
+        return welded_digest(digest.hexdigest(), self.weld)
 
 
 class Files(Dataset):
@@ -61,8 +65,8 @@ class Files(Dataset):
     ----------
     glob : str or None
         a folder, a file, or a pattern with ``*``, ``?``, ``[…]``, and ``**`` for any number of folders. A relative
-        one starts at the current folder. Files whose suffix is not in ``SUFFIXES``, in upper or lower case, are
-        ignored, and so are the ``._*`` files of macOS.
+        one starts at the current folder. Files whose suffix is not in ``SUFFIXES``, in upper or lower case and with
+        that of a compression (``.off.gz``) or without, are ignored, and so are the ``._*`` files of macOS.
     name : str
         name of the dataset in the results
     weld : None, "exact" or float
@@ -120,11 +124,12 @@ class Files(Dataset):
             )
         models: dict[str, FileModel] = {}
         for path in paths:
-            name = encodable(path.with_suffix("").as_posix())
+            name = encodable(path.with_name(split_suffix(path.name)[0]).as_posix())
             if name in models:
                 raise DatasetError(
                     f"{models[name].path} and {top / path} would both be the model {name!r}; "
-                    f"give a pattern that matches one of them, such as dataset.glob='{top}/**/*{path.suffix}'"
+                    f"give a pattern that matches one of them, such as "
+                    f"dataset.glob='{top}/**/*{split_suffix(path.name)[1]}'"
                 )
             models[name] = FileModel(name, encodable(path.parent.name), (top / path).absolute(), self._weld)
         if self._names is None:
@@ -139,7 +144,7 @@ class Files(Dataset):
 
 def _is_mesh_name(path: Path) -> bool:
     """Whether a file is a mesh by its name."""
-    return path.suffix.lower() in SUFFIXES and not any(is_macos_metadata(part) for part in path.parts)
+    return bool(split_suffix(path.name)[1]) and not any(is_macos_metadata(part) for part in path.parts)
 
 
 def _split(path: Path) -> tuple[Path, str]:
@@ -157,8 +162,10 @@ def _split(path: Path) -> tuple[Path, str]:
 
 def _any_case(pattern: str) -> str:
     """A pattern that matches its suffix in upper and lower case: ``*.off`` finds ``1.OFF``."""
-    suffix = Path(pattern).suffix
-    if suffix.lower() not in SUFFIXES:
+    suffix = split_suffix(Path(pattern).name)[1]
+    if not suffix and Path(pattern).suffix.lower() in DECOMPRESSORS:
+        suffix = Path(pattern).suffix
+    if not suffix:
         return pattern
-    either = "".join(f"[{letter.lower()}{letter.upper()}]" for letter in suffix[1:])
-    return f"{pattern.removesuffix(suffix)}.{either}"
+    either = "".join(f"[{letter.lower()}{letter.upper()}]" if letter.isalpha() else letter for letter in suffix)
+    return pattern.removesuffix(suffix) + either
