@@ -5,6 +5,7 @@ Figures are made without pyplot, so that the backend that is chosen, and a noteb
 
 import logging
 import math
+import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ logging.getLogger("fontTools").setLevel(logging.WARNING)
 
 DODGE = 2.5  # points between the values of two segmenters at the same level
 SLANTED = 0.2  # inches that slanted numbers at the ticks need below the axes
+TITLE_LETTERS_PER_INCH = 14  # of a title above a panel, next to the labels of its vertical axis
 LINE = 0.15  # height of a line of the legend, in inches
 HANDLE = 0.5  # width of a symbol in the legend and the gaps around it, in inches
 
@@ -70,7 +72,7 @@ def draw(chart: Chart) -> Figure:
     """
     if not chart.panels:
         figure = Figure(figsize=(ONE_COLUMN, 0.5))
-        figure.suptitle(f"{chart.title}: no data")
+        figure.suptitle(_wrapped(f"{chart.title}: no data", ONE_COLUMN))
         return figure
     if any(isinstance(panel, HeatMap) for panel in chart.panels):
         return _draw_heat_maps(chart, [panel for panel in chart.panels if isinstance(panel, HeatMap)])
@@ -105,6 +107,11 @@ def save(figure: Figure, path: Path, content: str | None = None) -> None:
             figure.savefig(part, metadata={"CreationDate": None, "Creator": None, "Producer": None})
 
 
+def _wrapped(title: str, width: float) -> str:
+    """A title in lines that fit on a figure of this width in inches."""
+    return "\n".join(textwrap.wrap(title, max(int(TITLE_LETTERS_PER_INCH * width), 20)))
+
+
 def _draw_panels(chart: Chart, panels: Sequence[Panel]) -> Figure:
     widths = [panel.width for panel in panels]
     width = TWO_COLUMNS if sum(widths) > 1.5 else ONE_COLUMN
@@ -125,10 +132,12 @@ def _draw_panels(chart: Chart, panels: Sequence[Panel]) -> Figure:
             )  # fmt: skip
         else:
             handles |= {label: handle for label, handle in of_panel.items() if label not in handles}
+    title = _wrapped(chart.title, width)
+    figure.set_figheight(figure.get_figheight() + LINE * title.count("\n"))
     if len(panels) > 1:
-        figure.suptitle(chart.title)
+        figure.suptitle(title)
     else:
-        row[0].set_title(chart.title)
+        row[0].set_title(title)
     if any(label.get_rotation() for axes in row for label in axes.get_xticklabels()):
         figure.set_figheight(figure.get_figheight() + SLANTED)
     if handles:
@@ -340,7 +349,9 @@ def _draw_heat_maps(chart: Chart, heat_maps: Sequence[HeatMap]) -> Figure:
         axes.set_xticks(*_few_names(heat_map.columns), rotation=90)
         axes.set_yticks(*_few_names(heat_map.rows))
         axes.set_title(heat_map.title)
-    figure.suptitle(chart.title)
+    title = _wrapped(chart.title, size[0])
+    figure.set_figheight(figure.get_figheight() + LINE * title.count("\n"))
+    figure.suptitle(title)
     figure.colorbar(shown, ax=grid, label=heat_maps[0].label, shrink=0.8 / rows, pad=0.02)
     return figure
 
