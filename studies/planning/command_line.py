@@ -280,6 +280,8 @@ def where_is(name: str) -> str:
     if group in CHOICES and group != "study":
         found = [file for file, content in _shipped(group) if option in content]
         return ", ".join(f"{group}={file}" for file in found)
+    if group in yaml.safe_load(resources.files("conf").joinpath("config.yaml").read_text("utf-8")):
+        return ""  # every study has it
     part, _, below = option.partition(".")
     if group == "parts" and below.partition(".")[0] not in OPTIONS_OF_PART:
         return ""

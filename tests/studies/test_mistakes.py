@@ -32,7 +32,7 @@ ACCEPTED = {
         "segmenters": {NULL},
         "swept": set(),
         "gallery": set(),
-        "gallery.models": {NUMBER, LIST},
+        "gallery.models": {NUMBER},  # a list names models of the study
         "gallery.columns": {NUMBER},
         "gallery.style": set(),
         "title": {TEXT, EMPTY},
@@ -105,14 +105,14 @@ ACCEPTED = {
         "models_drawn": {NULL, NUMBER},
         "seed": {NUMBER},
         "figure15.stem": {TEXT},
-        "figure15.models": {LIST},
+        "figure15.models": set(),
         "figure15.times": set(),
     },
     ("+study=anatomy", *FILES): {
         "plates": set(),
         "plates.figure1": set(),
         "plates.figure1.shows": set(),
-        "plates.figure1.models": {NULL, LIST},
+        "plates.figure1.models": {NULL},
     },
     ("+study=holes", *FILES, "segmenter=external"): {
         "segmenter.command": set(), "segmenter.suffix": set(), "segmenter.labels_of": set(),
