@@ -12,6 +12,13 @@ MIN_DENSITY = 1e-16
 # rounding error, and would depend on the processor, the number of threads and the path of the solver.
 TIE = 1e-10
 
+# So is an excess this small relative to the root mean square: it is the rounding of the sums.
+ROUNDING = 1e-15
+
+# A region is uniform, and none of its vertices dissipates, if its mean density deviates from the uniform one by at most
+# this root mean square, relative to it: an error of the eigensolver.
+UNIFORM = 1e-10
+
 # Bytes of the densities that are processed together: few enough for the cache.
 BLOCK_BYTES = 2**20
 
@@ -34,13 +41,15 @@ def relative_entropy_excess(
     Returns
     -------
     (n,) float array
-        KL(p_x ‖ q_C) − KL(p_x ‖ uniform) in nats; vertex x dissipates if it is positive; 0 if it is within `TIE`
+        KL(p_x ‖ q_C) − KL(p_x ‖ uniform) in nats; vertex x dissipates if it is positive; 0 if it is a tie (see `TIE`)
 
     Notes
     -----
     p_x(y) ∝ h(x, y) is the density of vertex x, and q_C that of its region C. The entropy of p_x is part of both
-    divergences, so that their difference is −Σ_y p_x(y) log(q_C(y)/u(y)) with the uniform density u over all n
-    vertices: one product with the factor of the kernel per region, O(n k) each, and no logarithm of the n x n kernel.
+    divergences, so that their difference is −Σ_y p_x(y) log(q_C(y)/u(y)) with the uniform density u: one product with
+    the factor of the kernel per region, O(n k) each, and no logarithm of the n x n kernel. The uniform density is that
+    of the connected component of x, which heat cannot leave; on a connected mesh it is over all vertices, as in the
+    paper.
     Heat that has flowed for long is nearly uniform, and the difference of second order in what is left: both p_x and
     q_C are therefore taken relative to the mean density, whose terms cancel exactly.
 
@@ -62,34 +71,35 @@ def relative_entropy_excess(
         region_sums = np.asarray(sp.csr_array((np.ones(n), region, np.arange(n + 1))).T @ factor)
         total = measure[part] @ factor
         part_measure = measure[part].sum()
-        mean = total / part_measure
-        is_constant = np.ptp(factor, axis=0) == 0
-        mean[is_constant] = factor[0, is_constant]  # their mean, without rounding
         scale = part_measure / (region_sums @ total)
         # The densities of all regions, in blocks of rows: recomputing them in each pass is faster than keeping them.
         height = max(1, BLOCK_BYTES // (8 * len(region_sums)))
         blocks = [slice(start, start + height) for start in range(0, n, height)]
-        peak = np.max([((factor[rows] - mean) @ region_sums.T * scale).max(axis=0) for rows in blocks], axis=0)
+        mean = total / part_measure
+        rounding = sum(measure[part[rows]] @ (factor[rows] - mean) for rows in blocks) / part_measure  # of the mean
+        peak = np.max(
+            [((factor[rows] - mean - rounding) @ region_sums.T * scale).max(axis=0) for rows in blocks], axis=0
+        )
         lowest = MIN_DENSITY * (1 + peak) - 1
         log_sums, square_sums, weighted_sums = np.zeros(len(scale)), np.zeros(len(scale)), np.zeros_like(region_sums)
         for rows in blocks:
-            centred, weight = factor[rows] - mean, measure[part[rows], None]
+            centred, weight = factor[rows] - mean - rounding, measure[part[rows], None]
             log_ratio = np.log1p(np.maximum(centred @ region_sums.T * scale, lowest))
-            log_ratio += np.log(measure.sum() / part_measure)
             log_sums += (weight * log_ratio).sum(axis=0)
             square_sums += (weight * log_ratio**2).sum(axis=0)
             weighted_sums += (weight * log_ratio).T @ centred
+        deviation = np.sqrt(square_sums / part_measure)
+        tolerance = np.where(deviation <= UNIFORM, np.inf, deviation * np.maximum(TIE * deviation, ROUNDING))
         for rows in blocks:
             of_region = region[rows]
             difference = np.einsum("ij,ij->i", factor[rows], weighted_sums[of_region]) / (factor[rows] @ total)
             difference += log_sums[of_region] / part_measure
-            is_tie = np.abs(difference) <= TIE * square_sums[of_region] / part_measure
-            excess[part[rows]] = np.where(is_tie, 0, -difference)
+            excess[part[rows]] = np.where(np.abs(difference) <= tolerance[of_region], 0, -difference)
     return excess
 
 
 def divergence_from_uniform(kernel: HeatKernel, weights: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-    """KL(p_x ‖ uniform) of every vertex, in nats (paper, Figure 4 b).
+    """KL(p_x ‖ uniform) of every vertex, in nats (paper, Figure 4 b); uniform over the component of the vertex.
 
     Parameters
     ----------
@@ -116,8 +126,9 @@ def divergence_from_uniform(kernel: HeatKernel, weights: NDArray[np.float64] | N
     measure = np.ones(len(kernel.factor)) if weights is None else weights
     divergence = np.empty(len(kernel.factor))
     for part in kernel.parts():
+        part_measure = measure[part].sum()
         for rows, block in kernel.row_blocks(part):
             density = np.maximum(block, MIN_DENSITY * block.max(axis=1, keepdims=True))
             density /= (density @ measure[part])[:, None]
-            divergence[part[rows]] = (density * np.log(density * measure.sum())) @ measure[part]
+            divergence[part[rows]] = (density * np.log(density * part_measure)) @ measure[part]
     return divergence

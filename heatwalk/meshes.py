@@ -165,7 +165,7 @@ def inspect_mesh(vertices: ArrayLike, faces: ArrayLike) -> MeshReport:
         n_boundary_loops=_n_pieces(boundary),
         n_nonmanifold_edges=int(np.count_nonzero(faces_of_edge > 2)),
         n_degenerate_faces=int(np.count_nonzero(degenerate)),
-        n_duplicate_faces=_n_duplicates(proper),
+        n_duplicate_faces=int(np.count_nonzero(repeats_earlier_face(proper))),
         n_unreferenced_vertices=int(np.count_nonzero(~referenced(faces, len(vertices)))),
         is_watertight=bool(len(edges) and (faces_of_edge == 2).all()),
         is_consistently_oriented=bool(len(edges) and (n_forward[faces_of_edge == 2] == 1).all()),
@@ -268,6 +268,36 @@ def face_areas(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
     return areas(np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64))
 
 
+def repeats_earlier_face(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether each face has the same corners, in any order, as one before it.
+
+    Parameters
+    ----------
+    faces : (m, 3) int array
+
+    Returns
+    -------
+    (m,) bool array
+
+    Examples
+    --------
+    >>> repeats_earlier_face(np.array([[0, 1, 2], [0, 1, 3], [2, 1, 0]]))
+    array([False, False,  True])
+    """
+    repeats = np.zeros(len(faces), dtype=bool)
+    low, high = faces.min(axis=1), faces.max(axis=1)
+    middle = faces.sum(axis=1) - low - high
+    mixed = (low * 0x9E3779B1 + middle) * 0x85EBCA77 + high  # wraps around: faces with equal corners have equal values
+    ordered = np.sort(mixed)
+    is_repeated = ordered[1:] == ordered[:-1]
+    if is_repeated.any():
+        similar = np.flatnonzero(np.isin(mixed, ordered[1:][is_repeated]))
+        corners = np.column_stack((low, middle, high))[similar]
+        order = np.lexsort(corners.T)  # stable: the first of equal faces stays first
+        repeats[similar[order[1:]]] = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
+    return repeats
+
+
 def referenced(faces: NDArray[np.integer], n_vertices: int) -> NDArray[np.bool_]:
     """Whether each vertex belongs to a face: (n_vertices,) bool array."""
     used = np.zeros(n_vertices, dtype=bool)
@@ -306,13 +336,6 @@ def _edges(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int6
     )
     n_forward = np.bincount(edge_of_side, weights=start < end, minlength=len(key)).astype(np.int64)
     return np.column_stack(np.divmod(key, max(n_vertices, 1))), n_faces, n_forward
-
-
-def _n_duplicates(faces: NDArray[np.int64]) -> int:
-    """Number of faces that repeat the corners of another, in any order."""
-    corners = np.sort(faces, axis=1)
-    corners = corners[np.lexsort(corners.T)]
-    return int(np.count_nonzero((corners[1:] == corners[:-1]).all(axis=1)))
 
 
 def _n_pieces(simplices: NDArray[np.int64]) -> int:

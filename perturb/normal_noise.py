@@ -58,6 +58,7 @@ class NormalNoise(Perturbation):
     distribution: str = "gaussian"
 
     name: ClassVar[str] = "normal_noise"
+    version: ClassVar[int] = 2
     choices: ClassVar[dict[str, tuple[str, ...]]] = {
         "unit": tuple(LENGTHS),
         "distribution": ("gaussian", "uniform"),

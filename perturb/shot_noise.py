@@ -57,6 +57,7 @@ class ShotNoise(Perturbation):
     height_unit: str = "mean_edge_length"
 
     name: ClassVar[str] = "shot_noise"
+    version: ClassVar[int] = 2
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("share_of_vertices",), "height_unit": tuple(LENGTHS)}
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ from heatwalk.io.ply import read_ply
 from heatwalk.io.polygons import RawMesh
 from heatwalk.io.stl import read_stl
 from heatwalk.io.welding import Weld, check_weld, coincidence_notes, weld_vertices
-from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced
+from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced, repeats_earlier_face
 
 READERS: dict[str, Callable[[bytes], RawMesh]] = {
     ".off": read_off,
@@ -122,6 +122,9 @@ def _finish(vertices: NDArray[np.float64], faces: NDArray[np.int64], notes: tupl
         vertices, faces = weld_vertices(vertices, faces, weld)
         if len(vertices) < n_before:
             notes += (f"welded {n_before:,} vertices into {len(vertices):,}",)
+    n_repeated = np.count_nonzero(repeats_earlier_face(faces))
+    if n_repeated:
+        notes += (f"{n_repeated:,} faces repeat the corners of another face, which counts once",)
     return LoadedMesh(vertices, faces, notes + coincidence_notes(vertices, faces))
 
 

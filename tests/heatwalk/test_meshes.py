@@ -6,7 +6,7 @@ import trimesh
 from scipy.cluster.hierarchy import DisjointSet
 
 from heatwalk.io import read_mesh
-from heatwalk.meshes import check_mesh, drop_unreferenced, face_areas, inspect_mesh
+from heatwalk.meshes import check_mesh, drop_unreferenced, face_areas, inspect_mesh, repeats_earlier_face
 from tests.helpers.meshes import BUNDLED, bundled_path
 
 OCTAHEDRON = trimesh.convex.convex_hull(np.vstack([np.eye(3), -np.eye(3)]))
@@ -173,3 +173,14 @@ def test_faces_that_all_repeat_a_corner_form_no_surface():
     assert (report.n_boundary_edges, report.mean_edge_length, report.area) == (0, 0, 0)
     assert not report.is_watertight
     assert not report.is_consistently_oriented
+
+
+@pytest.mark.parametrize("n_vertices", [9, 2**21, 2**40])
+def test_repeated_faces_are_those_of_the_same_corners_as_an_earlier_one(n_vertices):
+    rng = np.random.default_rng(2)
+    faces = rng.integers(n_vertices - 9, n_vertices, (300, 3))  # few corners: many repetitions, some with equal corners
+    seen, expected = set(), []
+    for face in map(tuple, np.sort(faces, axis=1).tolist()):
+        expected.append(face in seen)
+        seen.add(face)
+    assert repeats_earlier_face(faces).tolist() == expected

@@ -61,6 +61,18 @@ def test_the_order_of_vertices_and_faces_does_not_matter(name):
     assert np.array_equal(shuffled.dissipates[place], seg.dissipates)
 
 
+@pytest.mark.parametrize("share", [0.02, 0.5, 1.0])
+@pytest.mark.parametrize("name", REAL)
+def test_faces_that_repeat_others_do_not_matter(name, share):
+    mesh = bundled(name)
+    rng = np.random.default_rng(5)
+    repeated = rng.choice(mesh.faces, round(share * len(mesh.faces)), replace=False)
+    turned = np.vstack((repeated[:, ::-1], np.roll(repeated, 1, axis=1)))  # the other winding, and another first corner
+    seg = heatwalk.segment(mesh.vertices, np.vstack((mesh.faces, turned)))
+    assert np.array_equal(seg.labels, segmented(mesh).labels)
+    assert len(seg.face_labels) == len(mesh.faces) + len(turned)
+
+
 @pytest.mark.parametrize("name", REAL)
 def test_rigid_motions_do_not_matter(name):
     mesh = bundled(name)

@@ -52,9 +52,10 @@ def algorithm_1(kernel, tie=1e-10):
         history.append(exemplar.copy())
 
 
-def algorithm_2(kernel, labels):
-    """Both divergences of every vertex: from the mean density of its cluster and from the uniform density."""
+def algorithm_2(kernel, labels, component):
+    """Both divergences of every vertex: from the mean density of its cluster and from the uniform one."""
     n = len(kernel)
+    size = np.bincount(component)[component]
     heat = np.maximum(kernel, 1e-300)
     density = heat / heat.sum(axis=1, keepdims=True)
     from_cluster, from_uniform = np.empty(n), np.empty(n)
@@ -62,7 +63,7 @@ def algorithm_2(kernel, labels):
         cluster = heat[labels == labels[x]]
         mean = cluster.sum(axis=0) / cluster.sum()
         from_cluster[x] = np.sum(density[x] * np.log(density[x] / mean))
-        from_uniform[x] = np.sum(density[x] * np.log(density[x] * n))
+        from_uniform[x] = np.sum(density[x] * np.log(density[x] * size[x]))
     return from_cluster, from_uniform
 
 

@@ -96,7 +96,7 @@ def test_whatever_changes_the_result_changes_the_id_and_leaves_the_seed(plan, ch
 
 def test_a_new_version_of_a_perturbation_changes_the_id_and_leaves_the_seed(plan, monkeypatch):
     before = plan(*SMALL)
-    monkeypatch.setattr("perturb.ShotNoise.version", 2)
+    monkeypatch.setattr("perturb.ShotNoise.version", 99)
     after = plan(*SMALL)
     assert not {t.trial_id for t in before} & {t.trial_id for t in after}
     assert [t.seed for t in before] == [t.seed for t in after]
