@@ -197,6 +197,7 @@ def _segment(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
     from heatwalk.io import write_ply, write_seg
     from heatwalk.io.seg import seg_bytes
     from heatwalk.meshes import MeshError
+    from heatwalk.numerics.compilation import announced
     from heatwalk.segmentation import segment
     from heatwalk.spectrum import SpectrumError
 
@@ -213,7 +214,8 @@ def _segment(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
             f"{foreign}: exists, and this command did not write it; choose another --output, or overwrite it by --force"
         )
     try:
-        segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
+        with announced(_announce_compilation):
+            segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
     except (MeshError, SpectrumError) as error:
         return _fail(f"{arguments.mesh}: {error}")
     try:
@@ -233,6 +235,11 @@ def _segment(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
     _print_segments(segmentation)
     print(f"written: {output}, {labels_output}")
     return 0
+
+
+def _announce_compilation() -> None:
+    """Say why the first segmentation takes longer than all others."""
+    print("heatwalk: compiling, which takes about half a minute, once", file=sys.stderr, flush=True)
 
 
 def _digest_comment(labels: bytes) -> str:
@@ -270,7 +277,8 @@ def _print_segments(segmentation: "Segmentation") -> None:
         print(f"{name:>12}  {sizes[label]:>10,}  {sizes[label] / n_vertices:>6.1%}")
     if n_segments > _MAX_ROWS:
         print(f"{'…':>12}  {n_segments - _MAX_ROWS:>10,} smaller segments")
-    print("\nseconds: " + ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in segmentation.seconds.items()))
+    seconds = {stage: seconds for stage, seconds in segmentation.seconds.items() if seconds or stage != "compilation"}
+    print("\nseconds: " + ", ".join(f"{stage} {taken:.2f}" for stage, taken in seconds.items()))
 
 
 def _inspect(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:

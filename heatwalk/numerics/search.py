@@ -349,7 +349,9 @@ def _search(tree: Tree, tie: float, argmax: NDArray[np.int64], maximum: NDArray[
     query = np.empty(rows.shape[1])
     products = np.empty(LEAF_SIZE)
     n_products = 0
-    first_leaf = np.int64(0)  # (not a literal, for which the search would be compiled too) the leaf of the answer to the previous query
+    first_leaf = np.int64(
+        0
+    )  # (not a literal, for which the search would be compiled too) the leaf of the answer to the previous query
     for x in range(len(rows)):
         for j in range(len(query)):
             query[j] = rows[x, j]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -150,6 +150,10 @@ def _run_missing(study: Study, missing: Sequence[Trial], store: storage.RowStore
 
     if not missing:
         return ""
+    try:
+        _compile_ahead(study, console)
+    except KeyboardInterrupt:
+        return INTERRUPTED
     labels = storage.LabelStore(study.folder)
     try:
         with (
@@ -164,6 +168,31 @@ def _run_missing(study: Study, missing: Sequence[Trial], store: storage.RowStore
     except KeyboardInterrupt:
         return INTERRUPTED
     return ""
+
+
+def _compile_ahead(study: Study, console: Console) -> None:
+    """Compile the methods of a study before its first trial, once, and say so; workers load it from the cache."""
+    from studies.execution.engine import TaskFailedError, map_ordered
+
+    if study.engine.remote:
+        return
+    for method in (segmenter.method for segmenter in study.segmenters):
+        if hasattr(method, "compile_ahead"):
+            # Where trials run, and not here: loading the result takes seconds, which a worker needs anyway. If it fails
+            # there, the trials tell why.
+            with suppress(TaskFailedError):
+                if not map_ordered(study.engine, _is_compiled, [method])[0]:
+                    console.print("  compiling the inner loops, which takes about half a minute, once")
+                    map_ordered(study.engine, _compile, [method])
+            return
+
+
+def _is_compiled(method: Any) -> bool:
+    return method.is_compiled()
+
+
+def _compile(method: Any) -> None:
+    method.compile_ahead()
 
 
 def _store(row: dict[str, Any], store: storage.RowStore, labels: storage.LabelStore) -> None:

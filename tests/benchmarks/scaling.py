@@ -382,7 +382,7 @@ def planned(largest):
 
 
 def affordable(plan, free):
-    """The measurements of a plan that ``free`` bytes are enough for; prints what they take, and why others are left out.
+    """The measurements of a plan that ``free`` bytes are enough for; prints what they take, and what is left out.
 
     Raises
     ------
@@ -435,7 +435,7 @@ def run(plan):
 
 
 def measure_solvers(solvers, vertices, faces, folder):
-    """Yield (measurement, results) of each of these sparse solvers on one surface, with one thread and with the default."""
+    """Yield (measurement, results) of sparse solvers on one surface, with one thread and with the default number."""
     import scipy.sparse as sp
 
     file = folder / "matrix.npz"
