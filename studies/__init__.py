@@ -5,6 +5,10 @@
 >>> results.tables["table"], results.rows, results.folder  # doctest: +SKIP
 """
 
-from studies.api import load, run
+from studies._own_packages import prefer_own_packages
+
+prefer_own_packages()
+
+from studies.api import load, run  # noqa: E402
 
 __all__ = ["load", "run"]

@@ -13,10 +13,12 @@ import numpy as np
 from studies import storage
 from studies.experiments.experiment import row_columns
 from studies.planning.trial import planned_row
+from studies.terminal import counted
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from studies.execution.engine import Engine
     from studies.planning.configuration import Study
     from studies.planning.trial import Trial
     from studies.reporting.results import Results
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 INTERRUPTED = "interrupted"
 STOPPED = "stopped at a trial that failed (on_error=stop)"
 ERRORS_SHOWN = 5
+PLACES_SHOWN = 3  # trials of each error
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ def run_study(study: Study, console: Console) -> Outcome:
         if another process is writing to the study's folder
     """
     trials = study.plan()
-    console.print(f"{study.full_title}: {len(trials):,} trials", highlight=False)
+    console.print(f"{study.full_title}: {counted(len(trials), 'trial')}", highlight=False)
     if study.dry_run:
         _show_plan(study, trials, console)
         return Outcome(None)
@@ -102,7 +105,7 @@ def _report_store(store: storage.RowStore, console: Console) -> None:
     if store.moved_to:
         console.print(f"  moved to: {store.moved_to}", highlight=False, soft_wrap=True)
     if store.damaged:
-        console.print(f"  {store.path}: {store.damaged} damaged rows ignored; their trials run again")
+        console.print(f"  {store.path}: {counted(store.damaged, 'damaged row')} ignored, to be run again")
 
 
 def _missing(study: Study, trials: Sequence[Trial], stored: storage.StoredRows | None) -> list[Trial]:
@@ -163,6 +166,7 @@ def _run_missing(study: Study, missing: Sequence[Trial], store: storage.RowStore
             for row in rows:
                 _store(row, store, labels)
                 progress.count(row["status"])
+                _show_traceback(row, study.engine, progress.console)
                 if study.on_error == "stop" and row["status"] != "ok":
                     return STOPPED
     except KeyboardInterrupt:
@@ -195,6 +199,14 @@ def _compile(method: Any) -> None:
     method.compile_ahead()
 
 
+def _show_traceback(row: Mapping[str, Any], engine: Engine, console: Console) -> None:
+    """Print where a trial failed, if trials run in this process, which is how one looks for mistakes."""
+    from studies.execution.serial import Serial
+
+    if isinstance(engine, Serial) and row.get("traceback"):
+        console.print(f"{_place(row)}:\n{row['traceback']}", markup=False, highlight=False, soft_wrap=True)
+
+
 def _store(row: dict[str, Any], store: storage.RowStore, labels: storage.LabelStore) -> None:
     """Store a row, and its arrays in a file of their own."""
     arrays = {name: value for name, value in row.items() if isinstance(value, np.ndarray)}
@@ -221,19 +233,38 @@ def _write_results(study: Study, results: Results, trials: Sequence[Trial], ende
     from studies.reporting.write import draw_pictures, write_tables
 
     write_tables(results, console)
+    for stem in results.experiment.unwanted_pictures():
+        (study.folder / f"{stem}.png").unlink(missing_ok=True)
     if not ended_early:
         draw_pictures(results, trials, study.engine, console)
     console.print(f"written to {study.folder}", highlight=False, soft_wrap=True)
+
+
+def _place(row: Mapping[Any, Any]) -> str:
+    """Model, part and level of a row, for messages: "ant, holes 250"."""
+    level = f" {row['level']:g}" if row["perturbation"] else ""
+    return f"{row['model']}, {row['part']}{level}"
+
+
+def _first_of(places: Sequence[str]) -> str:
+    """A few different places, and how many others there are."""
+    different = list(dict.fromkeys(places))
+    others = len(different) - PLACES_SHOWN
+    return "; ".join(different[:PLACES_SHOWN]) + (f"; and {others:,} more" if others > 0 else "")
 
 
 def _report_failures(results: Results, ended_early: str, console: Console) -> None:
     """Print how many trials failed and why, and whether the study ended early."""
     if results.failures:
         console.print(
-            f"[red]{results.failures} of {len(results.rows)} trials failed[/red]; the column error of trials.parquet "
-            "has the reasons:"
+            f"[red]{results.failures:,} of {counted(len(results.rows), 'trial')} failed[/red]; trials.parquet has the "
+            "reasons, in the column error, and where they arose, in the column traceback:"
         )
-        for error, count in results.rows["error"].value_counts().head(ERRORS_SHOWN).items():
-            console.print(f"  {count} × {error}", markup=False, highlight=False, soft_wrap=True)
+        failed = results.rows[results.rows["status"] != "ok"]
+        for error in failed["error"].value_counts().head(ERRORS_SHOWN).index:
+            trials = [_place(row) for row in failed[failed["error"] == error].to_dict("records")]
+            console.print(
+                f"  {len(trials):,} × {error} ({_first_of(trials)})", markup=False, highlight=False, soft_wrap=True
+            )
     if ended_early:
         console.print(f"{ended_early}; what was done is stored, and the same command continues from there")

@@ -164,7 +164,10 @@ def _time_left(to_run: int, stored: StoredRows | None, engine: Engine) -> str:
     if not to_run:
         return "no time left"
     if not stored or stored.seconds is None:
-        return "time left: unknown, no stored trial of this study recorded its time"
+        return (
+            "time left: unknown until some of them have run; start the study, stop it by Ctrl-C after a few trials, "
+            "and dry_run=true estimates the rest from their time"
+        )
     work = to_run * stored.seconds
     shared = f", {_duration(work / engine.processes)} with {engine.processes} at once" if engine.processes else ""
     return f"time left, estimated from the stored trials: {_duration(work)} of work{shared}"
