@@ -12,6 +12,14 @@ from studies._own_packages import CONF
 CHOICES = {"study": None, "dataset": "bundled", "segmenter": "heat_walk", "perturbation": None, "engine": "local"}
 HELP_FLAGS = ("--help", "-h")
 
+# What options of studies mean that their files do not explain.
+MEANINGS = {
+    "name": "of the folder of the results",
+    "title": "over tables and curves",
+    "axis": "what the levels are, under the curve",
+    "levels": "amounts of the perturbation, in its unit",
+}
+
 _USAGE = """\
 How far does a segmentation move when the mesh is perturbed?
 
@@ -92,8 +100,10 @@ def _options(group: str, name: str) -> Iterator[str]:
     kept, in_defaults = [], False
     for line in lines:
         in_defaults = line.startswith("defaults:") or (in_defaults and line.startswith((" ", "-")))
-        if not (in_defaults or line.startswith(("#", "_recursive_"))):
-            kept.append(line)
+        is_internal = line.startswith(("#", "_recursive_", "_target_: studies.", "_target_: perturb."))
+        if not (in_defaults or is_internal):
+            meaning = MEANINGS.get(line.partition(":")[0].strip()) if group == "study" and "#" not in line else None
+            kept.append(f"{line}  # {meaning}" if meaning else line)
     return (f"  {line}" for line in _stripped(kept))
 
 
