@@ -240,6 +240,6 @@ def test_data_that_are_missing_are_described_in_several_lines(here, dataset):
     done = typed(here, "+study=holes", f"dataset={dataset}", "dataset.root=nowhere")
     lines = done.stderr.splitlines()
     assert done.returncode == 2
-    assert lines[0] == "studies.run: error: nowhere does not exist."
+    assert lines[0] == f"studies.run: error: {here / 'nowhere'} does not exist."
     assert len(lines) >= 4
     assert f"{dataset.upper()}_ROOT" in lines[-1]
