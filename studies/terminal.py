@@ -32,17 +32,6 @@ def run_command(main: Callable[[], int | None]) -> NoReturn:
     sys.exit(code)
 
 
-def counted(count: int, noun: str) -> str:
-    """A number with its noun, in the singular for one.
-
-    Examples
-    --------
-    >>> counted(1, "trial"), counted(1200, "trial")
-    ('1 trial', '1,200 trials')
-    """
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"
-
-
 def one_line(error: BaseException) -> str:
     """The message of an exception as one line; with its class if that is not one of the classes for mistakes.
 

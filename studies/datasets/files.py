@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,10 @@ from studies.datasets.dataset import (
     DatasetError,
     Model,
     check_weld_option,
+    listed_names,
     natural_order,
+    require_available,
+    selected_names,
     welded_digest,
 )
 from studies.datasets.folders import is_macos_metadata
@@ -63,6 +67,8 @@ class Files(Dataset):
         name of the dataset in the results
     weld : None, "exact" or float
         merge coincident vertices of each mesh, see `heatwalk.read_mesh`
+    models : sequence of str, optional
+        names of models; all by default
 
     Examples
     --------
@@ -74,8 +80,15 @@ class Files(Dataset):
     [('cats/tom', 'cats')]
     """
 
-    def __init__(self, glob: str | None, name: str = "files", weld: str | float | None = None):
+    def __init__(
+        self,
+        glob: str | None,
+        name: str = "files",
+        weld: str | float | None = None,
+        models: Sequence[str | int] | None = None,
+    ):
         check_weld_option(weld)
+        self._names = selected_names("models", models)
         self._weld = weld
         self.name = name
         self._glob = glob
@@ -90,7 +103,8 @@ class Files(Dataset):
         Raises
         ------
         DatasetError
-            If no file matches, or two files would have the same model name.
+            If no file matches, two files would have the same model name, or there is no model of a name that was
+            asked for.
         """
         if not self._glob:
             raise DatasetError("the dataset 'files' needs a folder or a pattern: dataset.glob='my/meshes/**/*.off'")
@@ -113,7 +127,10 @@ class Files(Dataset):
                     f"give a pattern that matches one of them, such as dataset.glob='{top}/**/*{path.suffix}'"
                 )
             models[name] = FileModel(name, encodable(path.parent.name), (top / path).absolute(), self._weld)
-        return list(models.values())
+        if self._names is None:
+            return list(models.values())
+        require_available("models", self._names, set(models), listed_names(list(models)), top)
+        return [model for name, model in models.items() if name in self._names]
 
 
 def _is_mesh_name(path: Path) -> bool:

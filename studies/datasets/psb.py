@@ -29,6 +29,7 @@ from studies.datasets.dataset import (
     welded_digest,
 )
 from studies.datasets.folders import find, folder, is_macos_metadata, read
+from studies.reporting.text import count_of
 
 # The benchmark numbers its models by category; 261 to 280 are not part of it.
 CATEGORIES = {
@@ -207,8 +208,8 @@ class PSB(Dataset):
         ]
         if not models:
             raise DatasetError(
-                f"{root} has {len(available)} models of the benchmark, and dataset.categories and dataset.models "
-                "select none of them"
+                f"{root} has {count_of(len(available), 'model')} of the benchmark, and dataset.categories and "
+                "dataset.models select none of them"
             )
         return models
 

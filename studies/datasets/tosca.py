@@ -24,6 +24,7 @@ from heatwalk.io import LoadedMesh, parse_integers, read_mesh
 from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, require_available, selected_names
 from studies.datasets.folders import find, folder, read
+from studies.reporting.text import count_of
 
 # The files that make up a pose, by the suffix of the file that identifies it.
 SUFFIXES = {".off": (".off",), ".mat": (".mat",), ".vert": (".vert", ".tri")}
@@ -215,7 +216,8 @@ class TOSCA(Dataset):
             selected = [model for model in selected if model.name in self._names]
         if not selected:
             raise DatasetError(
-                f"{root} has {len(models)} poses, and dataset.categories and dataset.models select none of them"
+                f"{root} has {count_of(len(models), 'pose')}, and dataset.categories and dataset.models select none of "
+                "them"
             )
         return selected
 

@@ -15,10 +15,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from matplotlib.transforms import ScaledTranslation
 
-from studies.figures.charts import Axis, Bars, Chart, Dots, HeatMap, Number, Panel, Series
+from studies.figures.charts import Axis, Bars, Chart, Dots, HeatMap, Number, Panel, Series, round_values
 from studies.figures.style import (
     DPI,
     FIELD_COLOURS,
@@ -241,8 +241,7 @@ def _set_x_axis(axes: Axes, axis: Axis, inches: float) -> None:
         axes.set_xticks(*_few_names(axis.categories, int(inches / longest)))
     elif axis.logarithmic:
         axes.set_xscale("log")
-        axes.set_xticks(axis.ticks, [f"{tick:g}" for tick in axis.ticks])
-        axes.minorticks_off()
+        _set_logarithmic_ticks(axes, axis.ticks, inches)
     elif axis.ticks:
         _set_level_ticks(axes, np.array(axis.ticks), inches)
     elif axis.from_zero:
@@ -256,7 +255,9 @@ def _set_y_axis(axes: Axes, axis: Axis) -> None:
         axes.set_ylim(len(axis.categories) - 0.5, -0.5)
     elif axis.logarithmic and np.isfinite(axes.dataLim.minposy):  # matplotlib has no logarithmic scale without data
         axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        drawn = (max(axes.dataLim.y0, axes.dataLim.minposy), axes.dataLim.y1)
+        few = len(set(round_values(drawn)) - set(drawn)) < 2
+        axes.yaxis.set_major_locator(MaxNLocator(4) if few else LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
     elif axis.from_zero:
@@ -264,14 +265,31 @@ def _set_y_axis(axes: Axes, axis: Axis) -> None:
         axes.set_ylim(bottom=0, top=None if axes.dataLim.y1 > 0 and np.isfinite(axes.dataLim.y1) else 1)
 
 
+def _set_logarithmic_ticks(axes: Axes, ticks: Sequence[float], inches: float) -> None:
+    """A tick at every given value, else at 1, 2 and 5 times powers of ten, else at every value that is drawn."""
+    if not ticks:
+        drawn = sorted({float(x) for line in axes.lines for x in np.atleast_1d(line.get_xdata()) if x > 0})
+        ticks = round_values(drawn) or drawn
+    if len(ticks) > 1 and ticks[0] > 0:
+        _label_ticks(axes, np.array(ticks), np.log(ticks), inches)
+    else:
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
+
+
 def _set_level_ticks(axes: Axes, levels: np.ndarray, inches: float) -> None:
-    """A tick at every level, with its number: slanted if numbers would touch, left out if they still would."""
-    texts = [f"{level:g}" for level in levels]
+    """A tick at every level, with its number."""
     if len(levels) == 1:
         axes.set_xlim(levels[0] - 1, levels[0] + 1)
-        axes.set_xticks(levels, texts)
-        return
-    places = (levels - levels[0]) / np.ptp(levels) * 0.9 * inches
+        axes.set_xticks(levels, [f"{level:g}" for level in levels])
+    else:
+        _label_ticks(axes, levels, levels, inches)
+
+
+def _label_ticks(axes: Axes, levels: np.ndarray, positions: np.ndarray, inches: float) -> None:
+    """A tick at every level, with its number: slanted if numbers would touch, left out if they still would."""
+    texts = [f"{level:g}" for level in levels]
+    places = (positions - positions[0]) / np.ptp(positions) * 0.9 * inches
     lengths = np.array([len(text) for text in texts]) * LETTER
     slanted = bool((np.diff(places) < (lengths[1:] + lengths[:-1]) / 2 + 0.04).any())
     last = -np.inf

@@ -11,7 +11,6 @@ import pytest
 import studies
 from studies._own_packages import CONF, prefer_own_packages
 from studies.planning.help import help_text
-from studies.terminal import counted
 from tests.studies.conftest import typed
 
 ROOT = Path(studies.__file__).parents[1]
@@ -174,7 +173,6 @@ def test_a_single_trial_is_one_trial(study, capsys):
     out = capsys.readouterr().out
     assert ": 1 trial\n" in out
     assert "1 of 1 trial failed" in out
-    assert (counted(0, "row"), counted(1, "row"), counted(12_345, "row")) == ("0 rows", "1 row", "12,345 rows")
 
 
 @pytest.mark.parametrize("engine", ["serial", "local"])

@@ -132,3 +132,12 @@ def test_welding_gives_other_models_and_leaves_those_without_it_as_they_were(tmp
     assert len(near.load().faces) == len(ant.faces)
     with pytest.raises(DatasetError, match=r"^dataset.weld='near' must be 'exact' or a positive number below 1"):
         Files(str(tmp_path), weld="near")
+
+
+def test_models_can_be_selected_by_name(tmp_path):
+    for name in ("a.off", "cats/tom.off", "cats/kit.off"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert [model.name for model in Files(str(tmp_path), models=["cats/tom", "a"]).models()] == ["a", "cats/tom"]
+    with pytest.raises(DatasetError, match="does not have the models b; it has a, cats/kit, cats/tom"):
+        Files(str(tmp_path), models=["b"]).models()

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.text import Text
 from PIL import Image
 
-from studies.figures.charts import Chart, level_curve, pair_matrices, segment_counts
+from studies.figures.charts import Axis, Chart, Panel, Series, level_curve, pair_matrices, segment_counts
 from studies.figures.drawing import draw, save
 from studies.figures.style import TWO_COLUMNS
 from tests.studies.figures.samples import CHARTS, INTERVALS, level_table, rows_of_levels, rows_of_times
@@ -182,3 +182,31 @@ def test_a_title_above_one_panel_is_that_of_the_chart():
     chart = dataclasses.replace(CHARTS["curve"], title="Other")
     (axes,) = draw(chart).axes
     assert axes.get_title() == "Other"
+
+
+def logarithmic(x, ticks=(), y=None):
+    line = Series("mean", x=tuple(x), y=tuple(y or range(1, len(x) + 1)))
+    return draw(Chart("Times", (Panel(Axis("time", ticks, logarithmic=True), Axis("n"), series=(line,)),))).axes[0]
+
+
+@pytest.mark.parametrize(
+    ("x", "labels"),
+    [
+        ([0.6, 0.75, 0.9], ["0.6", "0.75", "0.9"]),
+        ([12.0, 17.0], ["12", "17"]),
+        ([3.0], ["3"]),
+        ([0.5, 3.0, 30.0], ["0.5", "1", "2", "5", "10", "20"]),
+    ],
+)
+def test_a_logarithmic_axis_labels_every_level_unless_round_numbers_suffice(x, labels):
+    axes = logarithmic(x)
+    assert axes.get_xscale() == "log"
+    assert [text.get_text() for text in axes.get_xticklabels()] == labels
+    assert [text.get_text() for text in logarithmic(x, tuple(x)).get_xticklabels()] == [f"{each:g}" for each in x]
+
+
+def test_levels_of_a_logarithmic_axis_that_are_crowded_are_labelled_where_there_is_room():
+    axes = logarithmic([1 + i / 50 for i in range(50)], tuple(1 + i / 50 for i in range(50)))
+    labels = [text.get_text() for text in axes.get_xticklabels()]
+    assert len(labels) == 50
+    assert 3 < sum(map(bool, labels)) < 30
