@@ -325,7 +325,7 @@ def _update_panels(
     work: NDArray[np.float64],
 ) -> None:
     """Subtract F Fᵀ from the panels that contain the columns ``below``; ``lower`` is Fᵀ."""
-    first = np.int64(0)  # a literal 0 would have everything below compiled for it too
+    first: int = np.int64(0)  # type: ignore[assignment]  # a literal 0 would have all below compiled for it too
     while first < len(below):
         k = panel_of[below[first]]
         target, target_below = _panel(panels, k)

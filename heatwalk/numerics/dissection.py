@@ -85,7 +85,9 @@ def _dissect(
     level_ends = np.empty(n, np.int64)
     subset_of = np.full(len(indptr) - 1, -1)  # the subset that each vertex is in
     seen_by = np.full(len(indptr) - 1, -1)  # the last search that met each vertex
-    n_subsets = n_searches = n_levels = np.int64(0)  # literals would have what is called compiled for them too
+    # Literals would have what is called compiled for them too.
+    n_levels: int = np.int64(0)  # type: ignore[assignment]
+    n_subsets, n_searches = n_levels, n_levels
     todo = [(0, n, n)]  # subsets as ranges of ``vertices``, each with the position in the order where it ends
     while len(todo) > 0:
         start, stop, position = todo.pop()

@@ -349,9 +349,8 @@ def _search(tree: Tree, tie: float, argmax: NDArray[np.int64], maximum: NDArray[
     query = np.empty(rows.shape[1])
     products = np.empty(LEAF_SIZE)
     n_products = 0
-    first_leaf = np.int64(
-        0
-    )  # (not a literal, for which the search would be compiled too) the leaf of the answer to the previous query
+    # The leaf of the answer to the previous query. Not a literal 0, for which the search would be compiled too.
+    first_leaf: int = np.int64(0)  # type: ignore[assignment]
     for x in range(len(rows)):
         for j in range(len(query)):
             query[j] = rows[x, j]

@@ -147,8 +147,8 @@ def _matching_of_sparse(table: coo_array) -> NDArray[np.int64]:
     weights = np.concatenate([table.data + 1, np.ones(n_rows, table.data.dtype)])
     ends = np.concatenate([row, alone]), np.concatenate([column, n_columns + alone])
     graph = csr_array((weights, ends), shape=(n_rows, n_columns + n_rows))
-    row, column = min_weight_full_bipartite_matching(graph, maximize=True)
-    return _cells_at(table, row[column < n_columns], column[column < n_columns])
+    matched, partner = min_weight_full_bipartite_matching(graph, maximize=True)
+    return _cells_at(table, matched[partner < n_columns], partner[partner < n_columns])
 
 
 def _cells_at(table: coo_array, row: NDArray[np.integer], column: NDArray[np.integer]) -> NDArray[np.int64]:

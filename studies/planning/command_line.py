@@ -161,7 +161,7 @@ def list_globbed_studies(arguments: Sequence[str]) -> list[str]:
     listed = []
     for argument in arguments:
         if argument.startswith("+study=") and "glob(" in argument:
-            with suppress(HydraException), initialize_config_module("conf", version_base="1.3"):
+            with suppress(HydraException), initialize_config_dir(str(CONF), version_base="1.3"):
                 names = set(GlobalHydra.instance().config_loader().get_group_options("study")) - {CUSTOM}
                 own = _own_folder(arguments)
                 names |= {path.stem for path in (own / "study").glob("*.yaml")} if own else set()
@@ -181,7 +181,7 @@ def _own_folder(arguments: Sequence[str]) -> Path | None:
 def _search_path(arguments: Sequence[str]) -> list[str]:
     """The override with which a configuration is composed from that folder too."""
     folder = _own_folder(arguments)
-    return [] if folder is None else [f"hydra.searchpath=[{_quoted(f'file://{folder}')}]"]
+    return [] if folder is None else [f"hydra.searchpath=[{quoted(f'file://{folder}')}]"]
 
 
 def add_missing_options(arguments: Sequence[str]) -> list[str]:
