@@ -9,18 +9,18 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import yaml
-from hydra import compose, initialize_config_module
+from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, QuotedString
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 
+from studies._own_packages import CONF
 from studies.planning.errors import StudyError
 from studies.planning.names import folder_name
 
@@ -71,14 +71,14 @@ def quote_argument(argument: str, is_sweep: bool = False) -> str:
     if option not in TEXT_OPTIONS:
         # Hydra refuses letters of most scripts where they are not quoted.
         is_word = not (value.isascii() or re.search(r"""[][{},'"$]""", value))
-        return f"{key}={_quoted(value)}" if is_word else argument
+        return f"{key}={quoted(value)}" if is_word else argument
     if value in ("", "null", "???") or "${" in value:
         return argument
     if re.fullmatch(r"""(['"]).*\1""", value, re.DOTALL):
         return argument
     if is_sweep and option in SWEPT_PATHS and not _is_there(value):
-        return f"{key}={','.join(map(_quoted, value.split(',')))}"
-    return f"{key}={_quoted(value)}"
+        return f"{key}={','.join(map(quoted, value.split(',')))}"
+    return f"{key}={quoted(value)}"
 
 
 def _is_there(pattern: str) -> bool:
@@ -87,7 +87,7 @@ def _is_there(pattern: str) -> bool:
     return os.path.exists(expanded) or any(glob.iglob(expanded, recursive=True))
 
 
-def _quoted(value: str) -> str:
+def quoted(value: str) -> str:
     """A value that Hydra reads as it is, in quotes if it has to."""
     if re.fullmatch(r"[A-Za-z0-9_./*?-]*", value):
         with suppress(HydraException):
@@ -166,7 +166,7 @@ def list_globbed_studies(arguments: Sequence[str]) -> list[str]:
     listed = []
     for argument in arguments:
         if argument.startswith("+study=") and "glob(" in argument:
-            with suppress(HydraException), initialize_config_module("conf", version_base="1.3"):
+            with suppress(HydraException), initialize_config_dir(str(CONF), version_base="1.3"):
                 names = set(GlobalHydra.instance().config_loader().get_group_options("study")) - {CUSTOM}
                 own = _own_folder(arguments)
                 names |= {path.stem for path in (own / "study").glob("*.yaml")} if own else set()
@@ -186,7 +186,7 @@ def _own_folder(arguments: Sequence[str]) -> Path | None:
 def _search_path(arguments: Sequence[str]) -> list[str]:
     """The override with which a configuration is composed from that folder too."""
     folder = _own_folder(arguments)
-    return [] if folder is None else [f"hydra.searchpath=[{_quoted(f'file://{folder}')}]"]
+    return [] if folder is None else [f"hydra.searchpath=[{quoted(f'file://{folder}')}]"]
 
 
 def add_missing_options(arguments: Sequence[str]) -> list[str]:
@@ -198,7 +198,7 @@ def add_missing_options(arguments: Sequence[str]) -> list[str]:
     if not {"-m", "--multirun"} & set(arguments) or len(names) < 2:
         return list(arguments)
     own = _search_path(arguments)
-    with initialize_config_module("conf", version_base="1.3"), suppress(HydraException):
+    with initialize_config_dir(str(CONF), version_base="1.3"), suppress(HydraException):
         bare = compose("config")
         full = [compose("config", [f"+study={name}", *own]) for name in names]
         return [f"++{a}" if _is_option_of_studies_alone(a, bare, full) else a for a in arguments]
@@ -280,7 +280,7 @@ def where_is(name: str) -> str:
     if group in CHOICES and group != "study":
         found = [file for file, content in _shipped(group) if option in content]
         return ", ".join(f"{group}={file}" for file in found)
-    if group in yaml.safe_load(resources.files("conf").joinpath("config.yaml").read_text("utf-8")):
+    if group in yaml.safe_load(CONF.joinpath("config.yaml").read_text("utf-8")):
         return ""  # every study has it
     part, _, below = option.partition(".")
     if group == "parts" and below.partition(".")[0] not in OPTIONS_OF_PART:
@@ -300,7 +300,7 @@ def _has_option(study: Mapping[str, Any], group: str, part: str) -> bool:
 
 def _shipped(group: str) -> list[tuple[str, Mapping[str, Any]]]:
     """The name and the content of every file of a group of the shipped configuration."""
-    folder = resources.files("conf").joinpath(group)
+    folder = CONF.joinpath(group)
     files = sorted(file.name for file in folder.iterdir() if file.name.endswith(".yaml"))
     return [(name[:-5], yaml.safe_load(folder.joinpath(name).read_text("utf-8")) or {}) for name in files]
 
@@ -315,7 +315,7 @@ def option_names(arguments: Sequence[str]) -> list[str]:
     """Names of the options of the study, dataset … that the command line chooses; of the defaults if it is wrong."""
     chosen = [a for a in arguments if a.partition("=")[0] in ("+study", "dataset", "segmenter", "engine", "experiment")]
     for overrides in ([*chosen, *_search_path(arguments)], []):
-        with initialize_config_module("conf", version_base="1.3"), suppress(HydraException):
+        with initialize_config_dir(str(CONF), version_base="1.3"), suppress(HydraException):
             cfg = compose("config", overrides)
             return [
                 f"{key}.{name}" if name else key

@@ -6,9 +6,9 @@ import dataclasses
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+from studies._own_packages import CONF
 from studies.columns import Column, Published, Table
 from studies.experiments.experiment import PUBLISHED
 from studies.planning.errors import StudyError
@@ -46,7 +46,7 @@ class Publication:
         """
         import yaml
 
-        folder = resources.files("conf").joinpath("paper")
+        folder = CONF / "paper"
         known = sorted(file.name.removesuffix(".yaml") for file in folder.iterdir() if file.name.endswith(".yaml"))
         if name not in known:
             raise StudyError(f"publication is {name!r}: it must be null or one of {', '.join(known)}")
