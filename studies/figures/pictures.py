@@ -21,6 +21,8 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+DRAWING_VERSION = 2  # raise it when a change alters pictures: they are then drawn again
+
 
 class Picture(ABC):
     """A figure of rendered surfaces, drawn again only if its content changes.
@@ -87,6 +89,17 @@ class Tile:
     bar: ColourBar | None = None
 
 
+def stamp(content: str) -> str:
+    """What the file of a picture says that it shows: the content, and which version of the drawing code drew it.
+
+    Examples
+    --------
+    >>> stamp("variant 1a2b")
+    'drawing 2: variant 1a2b'
+    """
+    return f"drawing {DRAWING_VERSION}: {content}"
+
+
 def is_drawn(path: Path, content: str) -> bool:
     """Whether a PNG file shows a certain content.
 
@@ -112,6 +125,6 @@ def is_drawn(path: Path, content: str) -> bool:
     try:
         with Image.open(path) as image:
             image.load()
-            return image.info.get("Shows") == content
+            return image.info.get("Shows") == stamp(content)
     except (OSError, SyntaxError):  # Pillow raises SyntaxError for a broken PNG
         return False
