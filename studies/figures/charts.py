@@ -524,9 +524,10 @@ def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
     >>> import pandas as pd
     >>> frame = pd.DataFrame({"method": ["HeatWalk"], "source": ["computed"], "gce": [0.22], "gce_low": [0.20],
     ...                       "gce_high": [0.23]})
-    >>> chart = method_scores(Table("table", frame), [Column(name="gce", heading="GCE", help="Global error: %.")], "Table 1")
+    >>> metric = Column(name="gce", heading="GCE", help="Global consistency error, by area.")
+    >>> chart = method_scores(Table("table", frame), [metric], "Table 1")
     >>> chart.panels[0].x.label, chart.panels[0].dots[0].values
-    ('Global error', (0.22,))
+    ('Global consistency error', (0.22,))
     """
     frame = table.frame
     methods = tuple(dict.fromkeys(frame["method"].astype(str)))

@@ -49,6 +49,7 @@ HANDLE = 0.5  # width of a symbol in the legend and the gaps around it, in inche
 LONGEST_NAME = 1.3  # of a row or column, in inches
 FEWEST_FROM_COMMA = 10_000  # numbers from here on have their digits grouped
 NOTHING = "no trial succeeded"
+NO_CHANGE = "0 at every level"
 
 # matplotlib's own defaults first, whatever the user's matplotlibrc contains.
 styled = matplotlib.style.context(["default", RC])
@@ -237,21 +238,24 @@ def _draw_panel(axes: Axes, panel: Panel, inches: float) -> dict[str, Any]:
     axes.set_title(wrap(displayable(panel.title), LABEL, inches + 0.4))
     _set_x_axis(axes, panel.x, inches)
     _set_y_axis(axes, panel.y)
-    if not _has_values(panel):
-        axes.text(0.5, 0.9, NOTHING, ha="center", va="top", transform=axes.transAxes, color=SUBTITLE_COLOUR)
+    if panel.dots:
+        axes.locator_params(axis="x", nbins=4, min_n_ticks=3)
+    values = _computed(panel)
+    remark = NOTHING if not values else NO_CHANGE if panel.x.ticks and set(values) == {0.0} else ""
+    axes.text(0.5, 0.9, remark, ha="center", va="top", transform=axes.transAxes, color=SUBTITLE_COLOUR)
     axes.grid(axis="x" if panel.dots else "y" if panel.bars else "both")
     axes.set_axisbelow(True)
     return handles
 
 
-def _has_values(panel: Panel) -> bool:
-    """Whether anything was computed."""
+def _computed(panel: Panel) -> list[float]:
+    """The values that are not published ones."""
     computed = [
         *(series.y for series in panel.series if series.role != "published"),
         *(bars.values for bars in panel.bars),
         *(dots.values for dots in panel.dots if dots.role != "published"),
     ]
-    return any(value is not None for values in computed for value in values)
+    return [value for values in computed for value in values if value is not None]
 
 
 def _draw_series(axes: Axes, series: Series, n_groups: int) -> Any:
@@ -315,7 +319,7 @@ def _draw_dots(axes: Axes, dots: Dots, number: int, all_dots: Sequence[Dots], ca
 
 
 def _set_x_axis(axes: Axes, axis: Axis, inches: float) -> None:
-    axes.set_xlabel("\n".join(wrap(line, LABEL, inches + 0.4) for line in displayable(axis.label).split("\n")))
+    axes.set_xlabel("\n".join(wrap(line, LABEL, inches + 0.2) for line in displayable(axis.label).split("\n")))
     if axis.categories:
         longest = max(width(displayable(name), SMALL) for name in axis.categories) + 0.06
         axes.set_xticks(*_few_names(axis.categories, max(int(inches / longest), 1)))
@@ -406,9 +410,9 @@ def _draw_heat_maps(chart: Chart, heat_maps: Sequence[HeatMap]) -> Figure:
         axes.set_axis_off()
     for axes, heat_map, above in zip(grid.flat, heat_maps, headings, strict=False):
         values = np.ma.masked_invalid([_array(row) for row in heat_map.values])
-        height, width = values.shape
+        n_rows, n_columns = values.shape
         shown = axes.pcolormesh(
-            np.arange(width + 1) - 0.5, np.arange(height + 1) - 0.5, values, cmap=colours, vmin=heat_map.low,
+            np.arange(n_columns + 1) - 0.5, np.arange(n_rows + 1) - 0.5, values, cmap=colours, vmin=heat_map.low,
             vmax=heat_map.high,
         )  # fmt: skip
         axes.set_aspect("equal")

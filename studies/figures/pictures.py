@@ -82,11 +82,47 @@ class Tile:
         text above it, of one or more lines
     bar : ColourBar, optional
         shown below it
+    ruler : float
+        length in pixels of the scale bar that is shown below it; 0 for none
     """
 
     picture: np.ndarray
     caption: str
     bar: ColourBar | None = None
+    ruler: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """Tiles side by side.
+
+    Parameters
+    ----------
+    tiles : sequence of Tile
+        pictures of the same size
+    label : str
+        above them, at the left: what they have in common, such as the model
+    """
+
+    tiles: Sequence[Tile]
+    label: str = ""
+
+
+def label_of(model: Any) -> str:
+    """What a model is called in a picture: its name, and its category too if the name is only a number.
+
+    Parameters
+    ----------
+    model : Model
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Model
+    >>> label_of(Model(name="81", category="Ant")), label_of(Model(name="cat0", category="cat"))
+    ('Ant 81', 'cat0')
+    """
+    category = getattr(model, "category", "")
+    return f"{category} {model.name}" if category and model.name.isdecimal() else model.name
 
 
 def stamp(content: str) -> str:

@@ -120,10 +120,70 @@ def surface(
             plotter.close()
 
 
+def pixel_length(view: View, size: tuple[int, int] = TILE) -> float:
+    """The length that a pixel of a picture spans, in the unit of the shape.
+
+    Parameters
+    ----------
+    view : View
+    size : (width, height)
+        in pixels
+
+    Examples
+    --------
+    >>> view = View(np.eye(3), np.zeros(3), np.array([92.0, 10.0]))
+    >>> round(pixel_length(view, (100, 100)), 12)
+    1.0
+    """
+    return float(max(view.extent[0] / size[0], view.extent[1] / size[1]) / (1 - 2 * MARGIN))
+
+
+def visible_faces(mesh: trimesh.Trimesh, view: View, size: tuple[int, int] = (180, 150)) -> np.ndarray:
+    """The face that is seen at each pixel.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+    view : View
+    size : (width, height)
+        in pixels
+
+    Returns
+    -------
+    (height, width) int array
+        -1 where there is none
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from studies.figures.views import view_of
+    >>> box = trimesh.creation.box()
+    >>> seen = np.unique(visible_faces(box, view_of(box.vertices)))
+    >>> seen[0], len(seen)  # the background, and the two triangles of each of the sides that face the camera
+    (np.int64(-1), 5)
+    """
+    import pyvista
+
+    vertices = _picture_coordinates(np.asarray(mesh.vertices), view, size)
+    shape = pyvista.PolyData.from_regular_faces(vertices, mesh.faces)
+    number = np.arange(len(mesh.faces))
+    shape.cell_data["number"] = np.column_stack([number >> 16, number >> 8 & 255, number & 255]).astype(np.uint8)
+    with pyvista.vtk_verbosity("off"):
+        plotter = _lit_plotter(size)
+        try:
+            plotter.add_mesh(shape, scalars="number", rgb=True, lighting=False)
+            plotter.disable_anti_aliasing()
+            _look_along_z(plotter, vertices, size[1])
+            picture = np.asarray(plotter.screenshot(return_img=True)).astype(np.int64)
+        finally:
+            plotter.close()
+    seen = picture @ [1 << 16, 1 << 8, 1]
+    return np.where(seen < len(mesh.faces), seen, -1)
+
+
 def _picture_coordinates(vertices: np.ndarray, view: View, size: tuple[int, int]) -> np.ndarray:
     """Vertices turned to the camera, in pixels around the middle: a shape of any size and place renders alike."""
-    unit = max(view.extent[0] / size[0], view.extent[1] / size[1]) / (1 - 2 * MARGIN)
-    return (vertices - view.centre) @ view.axes.T / unit
+    return (vertices - view.centre) @ view.axes.T / pixel_length(view, size)
 
 
 def _paint(

@@ -146,8 +146,19 @@ def wrap(text: str, size: float, inches: float, most_lines: int = 3) -> str:
     Examples
     --------
     >>> wrap("Spikes of up to four fifths of the bounding box", 9, 2.0)
-    'Spikes of up to four fifths of the\\nbounding box'
+    'Spikes of up to four fifths\\nof the bounding box'
     """
+    lines = _filled(text, size, inches, most_lines)
+    for share in (0.5, 0.6, 0.7, 0.8, 0.9):  # lines of about the same length, so that no word is left alone
+        narrower = _filled(text, size, share * inches, most_lines)
+        if len(narrower) == len(lines) and all(width(line, size) <= inches for line in narrower):
+            lines = narrower
+            break
+    return "\n".join(shorten(line, size, inches) for line in lines)
+
+
+def _filled(text: str, size: float, inches: float, most_lines: int) -> list[str]:
+    """The lines of a text, each filled with words before the next begins."""
     lines: list[str] = []
     words = text.split()
     while words and len(lines) < most_lines - 1:
@@ -155,9 +166,7 @@ def wrap(text: str, size: float, inches: float, most_lines: int = 3) -> str:
         while words and width(f"{line} {words[0]}", size) <= inches:
             line += f" {words.pop(0)}"
         lines.append(line)
-    if words:
-        lines.append(" ".join(words))
-    return "\n".join(shorten(line, size, inches) for line in lines)
+    return [*lines, " ".join(words)] if words else lines
 
 
 def _shortened(text: str, kept: int) -> str:
