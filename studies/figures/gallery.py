@@ -28,15 +28,13 @@ if TYPE_CHECKING:
 #   scaled       each in a frame of its own, with a scale bar
 STYLES = ("variant", "on_original", "transparent", "edges", "scaled")
 
-SAME_LENGTH = "the bars below them have the same length on the surface"
-# What is in a second row, and how to read the pictures: by style.
-SECOND_ROW = {"on_original": "the variants", "edges": "detail"}
-REMARKS = {
-    "on_original": f"upper row: the variant's segments on the original; in the lower row {SAME_LENGTH}",
-    "edges": "lower row: a detail, with the edges of the triangles",
-    "scaled": f"each in a frame of its own; {SAME_LENGTH}",
-    "transparent": "black: what was added",
+SAME_LENGTH = "every bar has the same length on its surface"
+# What the rows of a model contain besides its variants, and how to read the pictures: by style.
+ROWS = {
+    "on_original": (": the variants' segments on the original", f": the variants; {SAME_LENGTH}"),
+    "edges": ("", ": a detail, with the edges of the triangles"),
 }
+REMARKS = {"scaled": f"each in a frame of its own: {SAME_LENGTH}", "transparent": "black: what was added"}
 
 FEW_MODELS = 3  # models that are shown if none of the named ones exists
 OPACITY = 0.35  # of a surface through which added faces are seen
@@ -184,7 +182,7 @@ class GalleryPicture(Picture):
                 else:
                     caption = self._caption(*level, trials[i - 1]) if number == 0 else ""
                     tiles.append(Tile(strip.pictures[i], caption, ruler=strip.rulers[i]))
-            yield Row(tiles, label if number == 0 else f"{label}: {SECOND_ROW[self.style]}")
+            yield Row(tiles, label + ROWS.get(self.style, ("",))[number])
 
     def _levels(self) -> list[tuple[str, float]]:
         """Parts and levels that are shown, in the order of the study."""
@@ -232,7 +230,7 @@ def draw_line(trials: Sequence[Any], style: str, stored: Sequence[Labels | None]
     Returns
     -------
     list of Strip
-        the original and each variant; two strips of the styles in ``SECOND_ROW``
+        the original and each variant; two strips of the styles in ``ROWS``
     """
     of_original = next((arrays["reference_labels"] for arrays in stored if arrays is not None), None)
     reference = trials[0].reference(of_original)
@@ -243,7 +241,7 @@ def draw_line(trials: Sequence[Any], style: str, stored: Sequence[Labels | None]
     own = choose_view(reference.mesh, [variant.counterpart for variant in variants])
     # The original and each variant, in the colours of the original's parts.
     meshes = [reference.mesh, *(variant.mesh for variant in variants)]
-    labels = [reference.labels, *(match_colours(*variant.compared(), variant.labels) for variant in variants)]
+    labels = [reference.labels, *map(_colours_of_original, variants)]
     # Wide enough for what protrudes from the original.
     common = view_along(np.concatenate([mesh.vertices for mesh in meshes]), own.axes)
     if style == "scaled":
@@ -285,8 +283,8 @@ def choose_view(mesh: trimesh.Trimesh, counterparts: Sequence[np.ndarray]) -> Vi
         framed on the original
     """
     vertices = np.asarray(mesh.vertices)
-    gone = [(counterpart < 0)[mesh.faces].all(axis=1) for counterpart in counterparts]
-    gone = [faces for faces in gone if faces.mean() > MUCH_GONE]
+    all_gone = [np.all(counterpart[mesh.faces] < 0, axis=1) for counterpart in counterparts]
+    gone = [faces for faces in all_gone if faces.mean() > MUCH_GONE]
     views = [view_of(vertices, turn=turn) for turn in TURNS]
     if not gone:
         return views[0]
@@ -355,6 +353,11 @@ def _strips_with_edges(meshes: Sequence[trimesh.Trimesh], labels: Sequence[np.nd
     ]
     close = [surface(mesh, detail, labels=each, edges=True) for mesh, each in zip(meshes, labels, strict=True)]
     return [_strip(whole), _strip(close)]
+
+
+def _colours_of_original(variant: Any) -> np.ndarray:
+    before, after = variant.compared()
+    return match_colours(before, after, variant.labels)
 
 
 def _added_faces(variant: Any) -> np.ndarray:

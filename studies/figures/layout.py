@@ -50,9 +50,9 @@ def lay_out(rows: Sequence[Row | Sequence[Tile]], title: str = "", subtitle: str
     >>> [text.get_text() for text in figure.texts]
     ['Two tiles', 'Ant 81', 'first', 'second']
     """
-    rows = [row if isinstance(row, Row) else Row(row) for row in rows]
-    with matplotlib.rc_context({"font.family": families(map(displayable, [title, subtitle, *_texts(rows)]))}):
-        return _lay_out(rows, title, subtitle)
+    labelled = [row if isinstance(row, Row) else Row(row) for row in rows]
+    with matplotlib.rc_context({"font.family": families(map(displayable, [title, subtitle, *_texts(labelled)]))}):
+        return _lay_out(labelled, title, subtitle)
 
 
 def _lay_out(rows: Sequence[Row], title: str, subtitle: str) -> Figure:
@@ -61,7 +61,7 @@ def _lay_out(rows: Sequence[Row], title: str, subtitle: str) -> Figure:
     across = max(cell * longest, NARROWEST)
     pictures = [_cropped([tile.picture for tile in row.tiles]) for row in rows]
     heights = [min((cell - GAP) * row[0].shape[0] / row[0].shape[1], 1.4 * cell) for row in pictures]
-    captions = [CAPTION_LINE * (1 + max(tile.caption.count("\n") for tile in row.tiles)) + GAP for row in rows]
+    captions = [_space_above(row) for row in rows]
     labels = [LABEL_LINE if row.label else 0.0 for row in rows]
     below = [_space_below(row) for row in rows]
     total = sum(heights) + sum(captions) + sum(labels) + sum(below) + GAP
@@ -104,6 +104,11 @@ def _texts(rows: Sequence[Row]) -> Iterator[str]:
         for tile in row.tiles:
             yield tile.caption
             yield tile.bar.unit if tile.bar else ""
+
+
+def _space_above(row: Row) -> float:
+    lines = max(1 + tile.caption.count("\n") if tile.caption else 0 for tile in row.tiles)
+    return CAPTION_LINE * lines + GAP
 
 
 def _space_below(row: Row) -> float:
