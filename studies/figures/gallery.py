@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # How variants are drawn:
-#   variant      segmented, all in one frame
+#   variant      segmented, all in one frame; where a part is gone, it is drawn faintly
 #   on_original  the original with the variant's segments, and below it the variant, in a frame of its own
 #   transparent  the faces that the original does not have are black, seen through the rest
 #   edges        the same as variant, and below it a detail with the edges of the triangles
@@ -36,6 +36,8 @@ ROWS = {
 }
 REMARKS = {"scaled": f"each in a frame of its own: {SAME_LENGTH}", "transparent": "black: what was added"}
 
+GONE = "faint: what is missing"
+
 FEW_MODELS = 3  # models that are shown if none of the named ones exists
 OPACITY = 0.35  # of a surface through which added faces are seen
 RULER = 0.5  # length of the longest scale bar, as a share of the smaller side of a picture
@@ -45,7 +47,7 @@ DENSE = 6.0  # pixels; with shorter edges, a surface that shows them would be bl
 
 # Degrees by which the camera is moved if the usual view hides what is missing.
 TURNS = (0.0, 180.0, 45.0, -45.0, 135.0, -135.0)
-MUCH_GONE = 0.01  # share of the vertices from which on it matters where they were
+MUCH_GONE = 0.01  # share of the faces from which on it matters where they were
 VISIBLE_ENOUGH = 0.7  # of what the best view shows
 
 Labels = Mapping[str, np.ndarray]
@@ -165,7 +167,8 @@ class GalleryPicture(Picture):
         if len(self.axes) == 1:
             units = " and ".join(self.rows["unit"].unique()).replace("_", " ")
             axis = f"{next(iter(self.axes.values()))} ({units})"
-        remarks = (axis, "CP: Change Percentage", REMARKS.get(self.style, ""))
+        of_strips = dict.fromkeys(strip.remark for strips in results for strip in strips)
+        remarks = (axis, "CP: Change Percentage", REMARKS.get(self.style, ""), *of_strips)
         return lay_out(rows, self.title, "; ".join(filter(None, remarks)))
 
     def _rows(self, trials: Sequence[Any], strips: Sequence[Strip]) -> Iterator[Row]:
@@ -209,10 +212,13 @@ class Strip:
         of one size
     rulers : list of float
         for each, how many pixels a certain length has; 0 if all are in one frame
+    remark : str
+        how to read these pictures
     """
 
     pictures: list[np.ndarray]
     rulers: list[float]
+    remark: str = ""
 
 
 def draw_line(trials: Sequence[Any], style: str, stored: Sequence[Labels | None]) -> list[Strip]:
@@ -256,15 +262,19 @@ def draw_line(trials: Sequence[Any], style: str, stored: Sequence[Labels | None]
         return [_strip(upper), _framed_strip(meshes, labels, own)]
     if style == "edges":
         return _strips_with_edges(meshes, labels, common)
-    added = [None, *(_added_faces(variant) if style == "transparent" else None for variant in variants)]
-    return [
-        _strip(
-            [
-                surface(mesh, common, labels=each, solid=solid, opacity=1.0 if solid is None else OPACITY)
-                for mesh, each, solid in zip(meshes, labels, added, strict=True)
-            ]
-        )
+    if style == "transparent":
+        added = [_added_faces(variant) for variant in variants]
+        seen_through = [
+            surface(mesh, common, labels=each, solid=solid, opacity=OPACITY)
+            for mesh, each, solid in zip(meshes[1:], labels[1:], added, strict=True)
+        ]
+        return [_strip([surface(reference.mesh, common, labels=reference.labels), *seen_through])]
+    ghosts = [None, *map(_cut_off, variants)]
+    pictures = [
+        surface(mesh, common, labels=each, ghost=ghost)
+        for mesh, each, ghost in zip(meshes, labels, ghosts, strict=True)
     ]
+    return [_strip(pictures, GONE if any(ghost is not None for ghost in ghosts) else "")]
 
 
 def choose_view(mesh: trimesh.Trimesh, counterparts: Sequence[np.ndarray]) -> View:
@@ -283,8 +293,7 @@ def choose_view(mesh: trimesh.Trimesh, counterparts: Sequence[np.ndarray]) -> Vi
         framed on the original
     """
     vertices = np.asarray(mesh.vertices)
-    all_gone = [np.all(counterpart[mesh.faces] < 0, axis=1) for counterpart in counterparts]
-    gone = [faces for faces in all_gone if faces.mean() > MUCH_GONE]
+    gone = [faces for faces in (_gone_faces(mesh, each) for each in counterparts) if faces.mean() > MUCH_GONE]
     views = [view_of(vertices, turn=turn) for turn in TURNS]
     if not gone:
         return views[0]
@@ -292,6 +301,20 @@ def choose_view(mesh: trimesh.Trimesh, counterparts: Sequence[np.ndarray]) -> Vi
     # What is least visible counts, relative to the view that shows most of it.
     score = (shares / np.maximum(shares.max(axis=0), 1e-9)).min(axis=1)
     return views[0] if score[0] >= VISIBLE_ENOUGH * score.max() else views[int(score.argmax())]
+
+
+def _gone_faces(mesh: trimesh.Trimesh, counterpart: np.ndarray) -> np.ndarray:
+    """The faces of an original of which no corner is left: (m,) bool array."""
+    return np.all(counterpart[mesh.faces] < 0, axis=1)
+
+
+def _cut_off(variant: Any) -> trimesh.Trimesh | None:
+    """What a variant lacks, up to its border; None if that is little."""
+    original = variant.reference.mesh
+    if _gone_faces(original, variant.counterpart).mean() <= MUCH_GONE:
+        return None
+    touched = np.any(variant.counterpart[original.faces] < 0, axis=1)
+    return original.submesh([np.flatnonzero(touched)], append=True, repair=False)
 
 
 def _visible_shares(mesh: trimesh.Trimesh, view: View, gone: Sequence[np.ndarray]) -> list[float]:
@@ -332,8 +355,8 @@ def detail_view(mesh: trimesh.Trimesh, labels: np.ndarray, view: View) -> View:
     return View(view.axes, centre, np.array([extent, extent * size[1] / size[0]]))
 
 
-def _strip(pictures: list[np.ndarray]) -> Strip:
-    return Strip(pictures, [0.0] * len(pictures))
+def _strip(pictures: list[np.ndarray], remark: str = "") -> Strip:
+    return Strip(pictures, [0.0] * len(pictures), remark)
 
 
 def _framed_strip(meshes: Sequence[trimesh.Trimesh], labels: Sequence[np.ndarray], own: View) -> Strip:

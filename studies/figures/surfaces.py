@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 TILE = (720, 600)  # width and height in pixels: 2.4 inches at 300 dots per inch
 MARGIN = 0.04  # share of the picture that is left white on each side
 MARK_COLOUR = "#d00000"
+GHOST_COLOUR, GHOST_OPACITY = "#8890a0", 0.16
 CREASE = 45  # degrees between faces from which an edge is drawn sharp
 
 # Direction and intensity of the lights: from one side of the camera, which makes relief visible, and weakly from the
@@ -40,6 +41,7 @@ def surface(
     contour: tuple[np.ndarray, float] | None = None,
     solid: np.ndarray | None = None,
     opacity: float = 1.0,
+    ghost: trimesh.Trimesh | None = None,
     edges: bool = False,
     size: tuple[int, int] = TILE,
 ) -> np.ndarray:
@@ -67,6 +69,8 @@ def surface(
         faces drawn black, and opaque whatever the opacity
     opacity : float
         opacity of the surface, 0 to 1
+    ghost : trimesh.Trimesh, optional
+        another surface, drawn faintly: what is not there any more
     edges : bool
         whether to draw the edges of the triangles
     size : (width, height)
@@ -107,11 +111,16 @@ def surface(
                 _creased(rest), opacity=opacity, show_edges=edges, edge_opacity=0.5, line_width=1.0,
                 show_scalar_bar=False, **paint, **material,
             )  # fmt: skip
+            if ghost is not None:
+                gone = pyvista.PolyData.from_regular_faces(
+                    _picture_coordinates(np.asarray(ghost.vertices), view, size), ghost.faces
+                )
+                plotter.add_mesh(_creased(gone), color=GHOST_COLOUR, opacity=GHOST_OPACITY, **material)
             if contour is not None:
                 _add_contour(plotter, shape, *contour, radius=0.004 * size[0])
             if points is not None:
                 _add_balls(plotter, vertices[points], 0.014 * size[0], material)
-            if opacity < 1:
+            if opacity < 1 or ghost is not None:
                 plotter.enable_depth_peeling(number_of_peels=12)
             plotter.enable_anti_aliasing("ssaa")
             _look_along_z(plotter, vertices, size[1])
