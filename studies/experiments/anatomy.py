@@ -167,8 +167,9 @@ class Anatomy(Experiment):
         drawn: set[tuple[str, ...]] = set()
         for stem, plate in self.plates.items():
             names = _shown_models(plate["shows"], plate.get("models"), by_name)
-            # Of a dataset with a single class of few models, a showcase and its class would be the same picture.
-            if names and not (plate["shows"] == "class" and tuple(names) in drawn):
+            chosen = {str(name) for name in plate.get("models") or ()} & set(names)
+            # Of a few models of one category, a showcase and its class would be the same picture.
+            if names and (chosen or plate["shows"] != "class" or tuple(names) not in drawn):
                 drawn.add(tuple(names))
                 yield AnatomyPlate(stem, plate["shows"], [by_name[name] for name in names], title)
 
