@@ -47,7 +47,7 @@ SLANTED = 0.2  # inches that slanted numbers at the ticks need below the axes
 LINE = 0.15  # height of a line of the legend, in inches
 HANDLE = 0.5  # width of a symbol in the legend and the gaps around it, in inches
 LONGEST_NAME = 1.3  # of a row or column, in inches
-FEWEST_FROM_COMMA = 10_000  # numbers from here on have their digits grouped
+FEWEST_FROM_COMMA = 1_000  # numbers from here on have their digits grouped
 NOTHING = "no trial succeeded"
 NO_CHANGE = "0 at every level"
 

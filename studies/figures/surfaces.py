@@ -108,7 +108,7 @@ def surface(
                 plotter.add_mesh(_part(shape, solid), color="black", lighting=False)
             rest = shape if solid is None else _part(shape, ~solid)
             plotter.add_mesh(
-                _creased(rest), opacity=opacity, show_edges=edges, edge_opacity=0.5, line_width=1.0,
+                _creased(rest), opacity=opacity, show_edges=bool(edges), edge_opacity=0.5, line_width=1.0,
                 show_scalar_bar=False, **paint, **material,
             )  # fmt: skip
             if ghost is not None:

@@ -509,10 +509,10 @@ def ratio(row, ours, key):
 ALTERNATIVES = {
     "scipy_eigsh": ("SciPy eigsh alone", 1),
     "plain_numpy": ("SciPy eigsh + blocked NumPy", 3),
-    "dense": ("the paper's n × n arrays, in NumPy", 4),
+    "dense": ("the paper's n × n, NumPy", 4),
 }
 STAGE_NAMES = {
-    "operator": "Laplacian", "spectrum": "eigenpairs", "walk": "walk", "dissipators": "dissipators"
+    "spectrum": ("eigenpairs", 2), "walk": ("walk", 5), "operator": ("Laplacian", 1), "dissipators": ("dissipators", 4),
 }  # fmt: skip
 
 
@@ -522,30 +522,27 @@ def chart(results):
 
     sizes = sorted(size for name, size in results if name == "ours")
 
-    def series(label, name, key, group, role="mean"):
+    def series(label, name, key, group):
         at = sorted(size for other, size in results if other == name)
         values = tuple(results[name, size][key] / (1e9 if key == "peak_bytes" else 1) for size in at)
-        return Series(label, tuple(map(float, at)), values, group=group, role=role)
+        return Series(label, tuple(map(float, at)), values, group=group)
 
-    vertices = Axis("vertices", ticks=logarithmic_ticks(sizes[0], sizes[-1]), logarithmic=True)
-    alternatives = [
-        (name, *named) for name, named in ALTERNATIVES.items() if any(other == name for other, _ in results)
-    ]
-    stages = [series(f"its {STAGE_NAMES[stage]}", "ours", stage, 5 + i) for i, stage in enumerate(STAGES)]
-    panels = [
-        Panel(
-            vertices, Axis(label, logarithmic=True), title,
-            series=(
-                series("heatwalk.segment", "ours", key, 0),
-                *(series(label, name, key, group) for name, label, group in alternatives),
-                *(stages if key == "seconds" else ()),
-            ),
-        )
-        for key, label, title in (
-            ("seconds", "CPU seconds, one thread", "Time"), ("peak_bytes", "GB", "Peak memory of the process"),
-        )
-    ]  # fmt: skip
-    return Chart("Time and memory by the number of vertices", tuple(panels), subtitle="both axes are logarithmic")
+    def panel(title, unit, drawn):
+        vertices = Axis("vertices", ticks=logarithmic_ticks(sizes[0], sizes[-1]), logarithmic=True)
+        return Panel(vertices, Axis(unit, logarithmic=True), title, series=tuple(drawn), own_legend=True)
+
+    def against_alternatives(key):
+        measured = {name for name, _ in results}
+        others = [(label, name, key, group) for name, (label, group) in ALTERNATIVES.items() if name in measured]
+        return [series(*each) for each in (("heatwalk.segment", "ours", key, 0), *others)]
+
+    stages = [series(label, "ours", stage, group) for stage, (label, group) in STAGE_NAMES.items()]
+    panels = (
+        panel("Time", "CPU seconds, one thread", against_alternatives("seconds")),
+        panel("Time of each step", "", [series("heatwalk.segment", "ours", "seconds", 0), *stages]),
+        panel("Peak memory", "GB", against_alternatives("peak_bytes")),
+    )
+    return Chart("Time and memory by the number of vertices", panels, subtitle="all axes are logarithmic")
 
 
 def plot(results, path):
