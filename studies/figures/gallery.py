@@ -43,7 +43,7 @@ OPACITY = 0.35  # of a surface through which added faces are seen
 RULER = 0.5  # length of the longest scale bar, as a share of the smaller side of a picture
 DETAIL_EDGES = 24  # mean edge lengths across a detail
 LARGEST_DETAIL = 0.5  # of the shape
-DENSE = 6.0  # pixels; with shorter edges, a surface that shows them would be black
+DENSE = 12.0  # pixels; with shorter edges, a surface that shows them would be black
 
 # Degrees by which the camera is moved if the usual view hides what is missing.
 TURNS = (0.0, 180.0, 45.0, -45.0, 135.0, -135.0)

@@ -19,7 +19,7 @@ WIDEST_TILE = 2.4
 NARROWEST = 3.4  # figure, so that its title has room
 GAP = 0.04  # between tiles
 CAPTION_LINE = 0.14
-LABEL_LINE = 0.2  # of a row
+LABEL_LINE = 0.17  # of a row
 BAR_SPACE = 0.32  # below a picture with a colour bar
 RULER_SPACE = 0.1  # below a picture with a scale bar
 
