@@ -17,6 +17,7 @@ from studies.storage import encodable
 FONT = "DejaVu Sans"  # is part of matplotlib
 ELLIPSIS = "…"
 POINTS_PER_INCH = 72
+HINTING = 1.03  # letters are moved to whole pixels, which makes a text on a screen a little longer
 
 
 def displayable(text: str) -> str:
@@ -90,7 +91,7 @@ def width(text: str, size: float) -> float:
     True
     """
     points = max(sum(map(_advance, line)) for line in text.split("\n"))
-    return points * size / POINTS_PER_INCH
+    return HINTING * points * size / POINTS_PER_INCH
 
 
 def shorten(text: str, size: float, inches: float) -> str:

@@ -62,7 +62,6 @@ def test_labels_and_captions_of_any_length_and_script_stay_inside_the_figure(n_t
 
     tiles = [Tile(np.zeros((60, 80, 3), dtype=np.uint8), f"{name} {i}") for i in range(n_tiles)]
     figure = lay_out([Row(tiles, f"{name}, HeatWalk")], f"{name} on data", f"{name}; CP: Change Percentage")
-    save(figure, tmp_path / "names.png", "names")
     figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in figure.texts]
     for box in boxes:
@@ -72,6 +71,7 @@ def test_labels_and_captions_of_any_length_and_script_stay_inside_the_figure(n_t
         assert box.y1 <= figure.bbox.height
     captions = boxes[-n_tiles:]
     assert all(left.x1 <= right.x0 + 1 for left, right in itertools.pairwise(captions))
+    save(figure, tmp_path / "names.png", "names")
 
 
 def test_a_label_is_above_the_captions_of_its_row_and_below_the_row_before():
