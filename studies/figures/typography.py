@@ -113,7 +113,7 @@ def shorten(text: str, size: float, inches: float) -> str:
     Examples
     --------
     >>> shorten("original", 7, 2.0), shorten("a_very_long_name_of_a_scan_0017", 7, 0.8)
-    ('original', 'a_very…n_0017')
+    ('original', 'a_very…_0017')
     """
     if width(text, size) <= inches:
         return text
@@ -147,7 +147,7 @@ def wrap(text: str, size: float, inches: float, most_lines: int = 3) -> str:
     Examples
     --------
     >>> wrap("Spikes of up to four fifths of the bounding box", 9, 2.0)
-    'Spikes of up to four fifths\\nof the bounding box'
+    'Spikes of up to four fifths of\\nthe bounding box'
     """
     lines = _filled(text, size, inches, most_lines)
     for share in (0.5, 0.6, 0.7, 0.8, 0.9):  # lines of about the same length, so that no word is left alone
