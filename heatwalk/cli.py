@@ -1,4 +1,4 @@
-"""The command ``heatwalk``: segment a mesh file, or report on it."""
+"""The command ``heatwalk``: segment mesh files, or report on them."""
 
 import argparse
 import contextlib
@@ -21,10 +21,12 @@ if TYPE_CHECKING:
 
 _EXAMPLE = """\
 example:
+  heatwalk example cow
   heatwalk inspect cow.obj
   heatwalk segment cow.obj --time 1 --output cow_segments.ply
 
-mesh files: OFF, OBJ, PLY or STL
+mesh files: OFF, OBJ, PLY, STL, glTF (.glb, .gltf), 3MF, VTK (.vtk, .vtp, .vtu) or Gmsh (.msh), and compressed ones
+(.gz, .bz2, .xz)
 """
 
 # Rows of the table of segments, the largest first: symmetric shapes can have hundreds.
@@ -63,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             return _run(argv)
         finally:
-            sys.stdout.flush()
+            _flush()
     except BrokenPipeError:  # a reader such as `head` has seen enough
         _discard_output()
         return 0
@@ -75,20 +77,37 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     """Run the command that the arguments select; returns the exit code."""
     arguments = _parser().parse_args(argv)
+    return arguments.run(arguments)
 
+
+def _read(arguments: argparse.Namespace, path: Path) -> "LoadedMesh | None":
+    """A mesh as the arguments want it; None, and a message, if it cannot be read."""
     from heatwalk.io import read_mesh
     from heatwalk.meshes import MeshError
 
     try:
-        mesh = read_mesh(arguments.mesh, weld=arguments.weld)
+        return read_mesh(path, weld=arguments.weld)
     except MeshError as error:
-        return _fail(error)
-    return arguments.run(arguments, mesh)
+        _fail(error)
+        return None
+
+
+def _summarize(done: str, paths: Sequence[Path], failed: Sequence[Path]) -> int:
+    """Print what became of several meshes; returns the exit code."""
+    print(f"{_count(len(paths), 'mesh', 'meshes')}: {len(paths) - len(failed):,} {done}", end="")
+    print(f", {len(failed):,} failed: {', '.join(map(str, failed))}" if failed else "")
+    return 2 if failed else 0
+
+
+def _flush() -> None:
+    """Write what was printed, unless the process was started without a standard output."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
 
 
 def _discard_output() -> None:
     """Send what is still to be written to stdout nowhere, so that Python's exit does not fail again."""
-    with contextlib.suppress(OSError, ValueError):
+    with contextlib.suppress(OSError, ValueError, AttributeError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
@@ -103,14 +122,16 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"heatwalk {__version__}")
-    commands = parser.add_subparsers(metavar="{segment,inspect}", required=True)
+    commands = parser.add_subparsers(metavar="{segment,inspect,example}", required=True)
 
     command = commands.add_parser(
         "segment",
         help="write the mesh coloured by segment (PLY) and the label of every face (.seg)",
-        description="Segment a mesh. Writes the mesh coloured by segment, with the dissipator region in grey,\n"
-        "and next to it a .seg file with one label per face, in the order of the faces.",
-        epilog="example:\n  heatwalk segment cow.obj --time 1 --output cow_segments.ply",
+        description="Segment a mesh. Writes the mesh coloured by segment, with the dissipator region in grey and the\n"
+        "label of each vertex as a property, and next to it a .seg file with one label per face, in the order\n"
+        "of the faces.",
+        epilog="example:\n  heatwalk segment cow.obj --time 1 --output cow_segments.ply\n"
+        "  heatwalk segment meshes --output segments",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     _add_mesh(command)
@@ -123,12 +144,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.add_argument(
         "--output",
-        type=_ply_path,
-        metavar="OUT.ply",
-        help="default: the name of MESH with _segments.ply, in the current directory",
+        metavar="OUT.ply|FOLDER",
+        help="default: the name of MESH with _segments.ply, in the current directory; of several meshes, next to each",
     )
     command.add_argument("--force", action="store_true", help="overwrite output files that this command did not write")
-    command.set_defaults(run=_segment)
+    command.set_defaults(run=_segment, reject=command.error)
 
     command = commands.add_parser(
         "inspect",
@@ -137,12 +157,24 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_mesh(command)
     command.set_defaults(run=_inspect)
+
+    command = commands.add_parser(
+        "example",
+        help="write a mesh to try the others on",
+        description="Write a mesh that installed packages contain: a cow, a bunny or an ant.",
+        epilog="example:\n  heatwalk example cow",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_argument("name", nargs="?", default="cow", metavar="NAME", help="cow, bunny or ant (default: cow)")
+    command.add_argument("--output", metavar="FILE", help="default: NAME with its suffix, in the current directory")
+    command.add_argument("--force", action="store_true", help="overwrite a file with other contents")
+    command.set_defaults(run=_example)
     return parser
 
 
 def _add_mesh(command: argparse.ArgumentParser) -> None:
     """Add the arguments that specify the mesh and how it is read."""
-    command.add_argument("mesh", metavar="MESH", help="an OFF, OBJ, PLY or STL file")
+    command.add_argument("meshes", nargs="+", type=Path, metavar="MESH", help="a mesh file, or a folder of them")
     command.add_argument(
         "--weld",
         type=_weld,
@@ -178,44 +210,100 @@ def _time(text: str) -> float:
     return time
 
 
-def _ply_path(text: str) -> Path:
-    """The value of --output."""
-    path = Path(text)
-    if path.suffix.lower() != ".ply":
-        raise argparse.ArgumentTypeError(f"must end in .ply, got {text!r}")
-    return path
-
-
 def _fail(message: object) -> int:
     """Print an error; returns the exit code."""
-    print(f"heatwalk: error: {message}", file=sys.stderr)
+    with contextlib.suppress(BrokenPipeError):
+        print(f"heatwalk: error: {message}", file=sys.stderr)
     return 2
 
 
-def _segment(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
+def _segment(arguments: argparse.Namespace) -> int:
     """``heatwalk segment``; returns the exit code."""
+    from heatwalk.batch import meshes_in
+    from heatwalk.meshes import MeshError
+
+    try:
+        paths = meshes_in(arguments.meshes)
+        outputs = _outputs(arguments, paths)
+    except MeshError as error:
+        return _fail(error)
+    except OSError as error:
+        return _fail(f"{error.filename}: cannot be written: {error.strerror}")
+    if not _are_several(arguments):
+        return 0 if _segment_one(arguments, paths[0], outputs[0]) else 2
+    failed = []
+    for path, output in zip(paths, outputs, strict=True):
+        try:
+            if _segment_one(arguments, path, output):
+                print(flush=True)
+            else:
+                failed.append(path)
+        except BrokenPipeError:  # nobody reads on, but the files are wanted
+            _discard_output()
+    return _summarize("segmented", paths, failed)
+
+
+def _are_several(arguments: argparse.Namespace) -> bool:
+    """Whether the arguments are several files, or a folder."""
+    return len(arguments.meshes) > 1 or arguments.meshes[0].is_dir()
+
+
+def _outputs(arguments: argparse.Namespace, paths: Sequence[Path]) -> list[Path]:
+    """The PLY file for each mesh; a folder that they are to be written to is made."""
+    from heatwalk.batch import outputs_for
+
+    text = arguments.output
+    if text is None:
+        return outputs_for(paths, None if _are_several(arguments) else Path())
+    is_folder = bool(text) and (text[-1] in (os.sep, os.altsep) or Path(text).is_dir())
+    is_ply = Path(text).suffix.lower() == ".ply"
+    if not _are_several(arguments) and is_ply:
+        return [Path(text)]
+    if not _are_several(arguments) and not is_folder:
+        arguments.reject(f"argument --output: must end in .ply, or be a folder, got {text!r}")
+    if not text or (is_ply and not is_folder):
+        arguments.reject(f"argument --output: must be a folder for several meshes, got {text!r}")
+    outputs = outputs_for(paths, Path(text))
+    Path(text).mkdir(exist_ok=True)
+    return outputs
+
+
+def _segment_one(arguments: argparse.Namespace, path: Path, output: Path) -> bool:
+    """Segment a mesh and write the result; returns whether that was possible."""
+    mesh = _read(arguments, path)
+    if mesh is None:
+        return False
+    problem = _write_segments(arguments, path, mesh, output)
+    if problem is not None:
+        _fail(problem)
+    return problem is None
+
+
+def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh", output: Path) -> str | None:
+    """Segment a mesh and write the result; returns what made it impossible."""
     from heatwalk.io import write_ply, write_seg
     from heatwalk.io.seg import seg_bytes
     from heatwalk.meshes import MeshError
     from heatwalk.segmentation import segment
     from heatwalk.spectrum import SpectrumError
 
-    output = arguments.output or Path(f"{Path(arguments.mesh).stem}_segments.ply")
     labels_output = output.with_suffix(".seg")
     # Checked before the segmentation, which may take long.
-    if output.exists() and output.samefile(arguments.mesh):
-        return _fail(f"{output}: the output would overwrite the mesh; choose another --output")
+    if output.exists() and output.samefile(path):
+        return f"{output}: the output would overwrite the mesh; choose another --output"
     if not output.parent.is_dir():
-        return _fail(f"{output}: cannot be written: no such directory")
+        return f"{output}: cannot be written: no such directory"
     foreign = None if arguments.force else _foreign_file(output, labels_output)
     if foreign is not None:
-        return _fail(
+        return (
             f"{foreign}: exists, and this command did not write it; choose another --output, or overwrite it by --force"
         )
     try:
         segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
     except (MeshError, SpectrumError) as error:
-        return _fail(f"{arguments.mesh}: {error}")
+        return f"{path}: {error}"
+    except MemoryError:
+        return f"{path}: there is not enough memory to segment it"
     try:
         write_ply(
             output,
@@ -227,12 +315,11 @@ def _segment(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
         )
         write_seg(labels_output, segmentation.face_labels)
     except OSError as error:
-        return _fail(f"{error.filename}: cannot be written: {error.strerror}")
-
-    _print_mesh(arguments.mesh, mesh)
+        return f"{error.filename}: cannot be written: {error.strerror}"
+    _print_mesh(path, mesh)
     _print_segments(segmentation)
     print(f"written: {output}, {labels_output}")
-    return 0
+    return None
 
 
 def _digest_comment(labels: bytes) -> str:
@@ -273,18 +360,43 @@ def _print_segments(segmentation: "Segmentation") -> None:
     print("\nseconds: " + ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in segmentation.seconds.items()))
 
 
-def _inspect(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
+def _inspect(arguments: argparse.Namespace) -> int:
     """``heatwalk inspect``; returns the exit code."""
+    from heatwalk.batch import meshes_in
+    from heatwalk.meshes import MeshError
+
+    try:
+        paths = meshes_in(arguments.meshes)
+    except MeshError as error:
+        return _fail(error)
+    failed = []
+    for path in paths:
+        if not _inspect_one(arguments, path):
+            failed.append(path)
+        elif _are_several(arguments):
+            print(flush=True)
+    if _are_several(arguments):
+        return _summarize("can be segmented", paths, failed)
+    return 2 if failed else 0
+
+
+def _inspect_one(arguments: argparse.Namespace, path: Path) -> bool:
+    """Print the properties of a mesh; returns whether it can be segmented."""
     from heatwalk.meshes import inspect_mesh
 
+    mesh = _read(arguments, path)
+    if mesh is None:
+        return False
     report = inspect_mesh(mesh.vertices, mesh.faces)
-    _print_mesh(arguments.mesh, mesh)
+    _print_mesh(path, mesh)
     for name, value in (
         ("components", report.n_components),
         ("boundary edges", f"{report.n_boundary_edges:,} in {_count(report.n_boundary_loops, 'loop')}"),
         ("non-manifold edges", report.n_nonmanifold_edges),
         ("degenerate faces", report.n_degenerate_faces),
         ("duplicate faces", report.n_duplicate_faces),
+        ("coincident vertices", report.n_coincident_vertices),
+        ("nearly coincident", report.n_nearly_coincident_vertices),
         ("watertight", report.is_watertight),
         ("consistently oriented", report.is_consistently_oriented),
         ("Euler characteristic", report.euler_characteristic),
@@ -294,19 +406,50 @@ def _inspect(arguments: argparse.Namespace, mesh: "LoadedMesh") -> int:
         ("can be segmented", report.problem is None),
     ):
         print(f"  {name:<22} {_format(value)}")
-    return 0 if report.problem is None else _fail(f"{arguments.mesh}: {report.problem}")
+    if report.problem is not None:
+        _flush()
+        _fail(f"{path}: {report.problem}")
+    return report.problem is None
 
 
-def _print_mesh(path: str, mesh: "LoadedMesh") -> None:
+def _example(arguments: argparse.Namespace) -> int:
+    """``heatwalk example``; returns the exit code."""
+    from heatwalk.examples import example_path
+    from heatwalk.io import read_mesh
+    from heatwalk.meshes import MeshError
+
+    try:
+        source = example_path(arguments.name)
+        mesh = read_mesh(source)
+    except MeshError as error:
+        return _fail(error)
+    output = Path(arguments.output or f"{arguments.name}{source.suffix}")
+    if output.is_dir():
+        output /= f"{arguments.name}{source.suffix}"
+    if output.suffix.lower() != source.suffix:
+        return _fail(f"{output}: the mesh of {arguments.name!r} is a file {source.suffix}; choose such an --output")
+    data = source.read_bytes()
+    try:
+        if output.exists() and not arguments.force and output.read_bytes() != data:
+            return _fail(f"{output}: exists with other contents; choose another --output, or overwrite it by --force")
+        output.write_bytes(data)
+    except OSError as error:
+        return _fail(f"{output}: cannot be written: {error.strerror}")
+    _print_mesh(output, mesh)
+    print(f"written: {output}")
+    return 0
+
+
+def _print_mesh(path: Path, mesh: "LoadedMesh") -> None:
     """Print the size of a mesh, and what was changed while reading it."""
     print(f"{path}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     for note in mesh.notes:
         print(f"  note: {note}")
 
 
-def _count(count: int, noun: str) -> str:
+def _count(count: int, noun: str, plural: str = "") -> str:
     """A number with its noun in singular or plural."""
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+    return f"{count:,} {noun if count == 1 else plural or noun + 's'}"
 
 
 def _format(value: object) -> str:

@@ -86,6 +86,11 @@ class MeshReport:
         faces that repeat the corners of an earlier face, in any order
     n_unreferenced_vertices : int
         vertices that belong to no face
+    n_coincident_vertices : int
+        vertices with exactly the coordinates of another one
+    n_nearly_coincident_vertices : int
+        other vertices within 1e-5 bounding-box diagonals of another one that no edge connects with them; 0 where edges
+        are not much longer than that
     is_watertight : bool
         every edge has exactly two faces
     is_consistently_oriented : bool
@@ -111,6 +116,8 @@ class MeshReport:
     n_degenerate_faces: int
     n_duplicate_faces: int
     n_unreferenced_vertices: int
+    n_coincident_vertices: int
+    n_nearly_coincident_vertices: int
     is_watertight: bool
     is_consistently_oriented: bool
     euler_characteristic: int
@@ -143,7 +150,10 @@ def inspect_mesh(vertices: ArrayLike, faces: ArrayLike) -> MeshReport:
     >>> report.n_boundary_edges, report.is_watertight, report.euler_characteristic
     (4, False, 1)
     """
+    from heatwalk.io.welding import count_coincident
+
     vertices, faces = check_arrays(vertices, faces)
+    n_coincident, n_nearly_coincident = count_coincident(vertices, faces)
     try:
         check_mesh(vertices, faces)
         problem = None
@@ -167,6 +177,8 @@ def inspect_mesh(vertices: ArrayLike, faces: ArrayLike) -> MeshReport:
         n_degenerate_faces=int(np.count_nonzero(degenerate)),
         n_duplicate_faces=int(np.count_nonzero(repeats_earlier_face(proper))),
         n_unreferenced_vertices=int(np.count_nonzero(~referenced(faces, len(vertices)))),
+        n_coincident_vertices=n_coincident,
+        n_nearly_coincident_vertices=n_nearly_coincident,
         is_watertight=bool(len(edges) and (faces_of_edge == 2).all()),
         is_consistently_oriented=bool(len(edges) and (n_forward[faces_of_edge == 2] == 1).all()),
         euler_characteristic=int(np.count_nonzero(referenced(proper, len(vertices)))) - len(edges) + len(proper),

@@ -290,6 +290,7 @@ class Perturbation(ABC):
             If `counterpart` does not fit the meshes: a mistake in `apply`, not in the mesh.
         """
         _check_usable(mesh, f"{self.name}, {self.amount:g} {self.unit}: the result")
+        counterpart = np.asarray(counterpart)  # of trimesh's own class, if it comes from a mesh
         _check_counterpart(counterpart, len(original.vertices), len(mesh.vertices), self.name)
         applied = {
             "name": self.name,

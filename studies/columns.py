@@ -10,6 +10,7 @@ import math
 import string
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -31,7 +32,8 @@ class Column:
     heading : str
         heading where the column is shown; by default the name with spaces
     format : str
-        format specification of a shown value, such as ".2f"
+        format specification of a shown value, such as ".2f". One of integers, such as "d" or ",d", shows a value that
+        is not whole with one decimal.
     unit : str
         unit of the values, "" where they have none
     lower_is_better : bool or None
@@ -89,17 +91,30 @@ class Column:
             values by the names of stored columns
         compact : bool
             leave out the interval behind a value
+
+        Raises
+        ------
+        ValueError
+            If the format cannot show the value.
         """
-        template = self.template or f"{{{self.name}:{self.format}}}"
-        names = [name for _, name, _, _ in string.Formatter().parse(template) if name]
+        names = _names_in(self.template) if self.template else [self.name]
         if is_missing(row.get(names[0])):
             return MISSING
-        shown = template.format(**{name: row[name] for name in names})
+        try:
+            if self.template:
+                shown = self.template.format(**{name: row[name] for name in names})
+            else:
+                shown = _formatted(row[self.name], self.format)
+        except ValueError as error:
+            values = ", ".join(repr(row[name]) for name in names)
+            raise ValueError(
+                f"column {self.name!r}: its format {self.template or self.format!r} cannot show {values}: {error}"
+            ) from error
         if self.dtype == "string" and not self.template:
             shown = shown.replace("_", " ")
         if compact or self.bounds is None or is_missing(row.get(self.bounds[0])):
             return shown
-        low, high = (format(row[bound], self.format) for bound in self.bounds)
+        low, high = (_formatted(row[bound], self.format) for bound in self.bounds)
         return f"{shown} ({low} – {high})"
 
 
@@ -149,6 +164,11 @@ class Table:
     published_before: str = ""
     published: Published | None = None
 
+    @property
+    def title(self) -> str:
+        """The name with spaces, as a heading."""
+        return self.name.replace("_", " ").capitalize()
+
     def visible(self, *, compact: bool = False) -> list[Column]:
         """The columns that are shown: those of which there are values, and fewer where room is scarce."""
         return [
@@ -169,13 +189,49 @@ class Table:
         return replace(self, **changes)
 
     def _has(self, column: Column) -> bool:
-        names = [column.name] if column.stored else [n for _, n, _, _ in string.Formatter().parse(column.template) if n]
+        names = [column.name] if column.stored else _names_in(column.template)
         return all(name in self.frame.columns for name in names)
 
 
 def dtypes(columns: Sequence[Column]) -> dict[str, str]:
     """Name and dtype of the stored ones among ``columns``, in their order."""
     return {column.name: column.dtype for column in columns if column.stored}
+
+
+def of_means(column: Column) -> Column:
+    """A column of means of the values of another: with decimals even if those are whole, and not with all of them.
+
+    Examples
+    --------
+    >>> counts = Column(name="splits", dtype="Int64", format="d")
+    >>> counts.text({"splits": 3}), of_means(counts).text({"splits": 3.0})
+    ('3', '3.0')
+    """
+    is_whole = _is_of_integers(column.format) or (column.dtype.lower().startswith("int") and not column.format)
+    specification = _with_one_decimal(column.format) if is_whole else column.format or ".4g"
+    return replace(column, dtype="float64", format=specification)
+
+
+def _formatted(value: Any, specification: str) -> str:
+    """A value by a format specification; one of integers shows other numbers with one decimal."""
+    if _is_of_integers(specification) and isinstance(value, Real) and not isinstance(value, Integral):
+        if not float(value).is_integer():
+            return format(value, _with_one_decimal(specification))
+        value = int(float(value))
+    return format(value, specification)
+
+
+def _is_of_integers(specification: str) -> bool:
+    return specification.endswith("d")
+
+
+def _with_one_decimal(specification: str) -> str:
+    return f"{specification.removesuffix('d')}.1f"
+
+
+def _names_in(template: str) -> list[str]:
+    """The names that a template refers to."""
+    return [name for _, name, _, _ in string.Formatter().parse(template) if name]
 
 
 def is_missing(value: Any) -> bool:

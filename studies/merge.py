@@ -18,6 +18,7 @@ def merge_folders(first: Path, second: Path, into: Path) -> None:
     from studies.experiments.experiment import row_columns
     from studies.planning.configuration import instantiate_experiment
     from studies.reporting.results import Results
+    from studies.reporting.text import count_of
     from studies.reporting.write import write_tables
     from studies.storage import merging
 
@@ -32,7 +33,8 @@ def merge_folders(first: Path, second: Path, into: Path) -> None:
         lambda merged: write_tables(Results.of_record(into, merged.options, merged.rows), console),
     )
     console.print(
-        f"{merged.n_first:,} rows of {first} and {merged.n_second:,} of {second} are {len(merged.rows):,} in {into}",
+        f"{count_of(merged.n_first, 'row')} of {first} and {merged.n_second:,} of {second} are {len(merged.rows):,} in "
+        f"{into}",
         highlight=False,
         soft_wrap=True,
     )

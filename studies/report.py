@@ -20,6 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     from studies.reporting.page import page, sorted_by_section, study_folders
     from studies.reporting.results import Results
+    from studies.reporting.text import count_of
     from studies.reporting.write import write_tables
     from studies.storage import atomic_write, encodable
 
@@ -45,7 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"studies.report: error: {one_line(error)}", file=sys.stderr)
         return MISTAKE
-    console.print(f"{len(found)} studies; the page is {root / 'README.md'}", highlight=False, soft_wrap=True)
+    console.print(
+        f"{count_of(len(found), 'study', 'studies')}; the page is {root / 'README.md'}", highlight=False, soft_wrap=True
+    )
     return SUCCESS
 
 

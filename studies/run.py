@@ -23,6 +23,7 @@ from studies.planning.command_line import (
     add_missing_options,
     check_groups,
     flags_last,
+    list_globbed_studies,
     option_names,
     quote_argument,
     swept_folder,
@@ -48,7 +49,8 @@ def main() -> None:
     except ValueError as error:
         _fail(one_line(error))
     is_sweep = bool({"-m", "--multirun"} & set(arguments))
-    sys.argv[1:] = add_missing_options([quote_argument(argument, is_sweep) for argument in arguments])
+    quoted = [quote_argument(argument, is_sweep) for argument in arguments]
+    sys.argv[1:] = add_missing_options(list_globbed_studies(quoted) if is_sweep else quoted)
     try:
         _hydra_main()
     except SystemExit as stop:

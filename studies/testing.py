@@ -1,7 +1,9 @@
 """Checks that a segmenter, a metric, a dataset or an experiment keeps to its contract, for the tests of their authors.
 
-Each check raises AssertionError with a message that tells what is wrong, where, and what the contract is:
+Each check raises AssertionError with a message that tells what is wrong, where, and what the contract is.
 
+Examples
+--------
 >>> from studies import metrics, testing
 >>> for metric in metrics.registered().values():
 ...     testing.check_metric(metric)
@@ -379,7 +381,8 @@ def _loaded(model: Model, name: str) -> TriangleMesh:
     for what, array, dtype in (("vertices", mesh.vertices, np.float64), ("faces", mesh.faces, np.int64)):
         _require(
             type(array) is np.ndarray and array.dtype == dtype and array.flags.writeable,
-            f"{name}: {what} must be a writable {np.dtype(dtype)} array, got {_described_array(array)}",
+            f"{name}: {what} must be a writable {np.dtype(dtype)} array, got {_described_array(array)}; "
+            f"np.array({what}, dtype=np.{np.dtype(dtype)}) makes one",
         )
     _require(bool(np.isfinite(mesh.vertices).all()), f"{name} has coordinates that are NaN or infinite")
     _require(

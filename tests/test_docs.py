@@ -15,12 +15,11 @@ import pytest
 import yaml
 from hydra import compose, initialize_config_module
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import ValueType
 from omegaconf import OmegaConf
 
 import conf
 import heatwalk
-from studies.planning.command_line import quote_argument
+from studies.planning.command_line import list_globbed_studies, quote_argument
 from studies.planning.configuration import instantiate_experiment
 from tests.helpers.documents import PAGES, ROOT, Block, blocks, commands
 
@@ -63,7 +62,7 @@ def run(workplace):
 
 def jobs(words):
     """The options of each job of a command: one, or several for a sweep."""
-    words = [quote_argument(word) for word in words if word not in ("-m", "--multirun")]
+    words = list_globbed_studies([quote_argument(word) for word in words if word not in ("-m", "--multirun")])
     overrides = OverridesParser.create().parse_overrides(words)
     return itertools.product(*map(choices, overrides))
 
@@ -72,9 +71,6 @@ def choices(override):
     if not override.is_sweep_override():
         return [override.input_line]
     key = override.input_line.partition("=")[0]
-    if override.value_type == ValueType.GLOB_CHOICE_SWEEP:
-        assert key == "+study"
-        return [f"+study={name}" for name in override.value().filter([*STUDIES, "custom"])]
     return [f"{key}={value}" for value in override.sweep_string_iterator()]
 
 

@@ -136,7 +136,8 @@ def test_a_segmenter_takes_one_file_and_one_yaml(repository, follow):
 
 
 def test_a_metric_takes_one_file(repository, follow):
-    follow("### A metric")
+    printed, _ = follow("### A metric")
+    assert "VI" in printed
     folder = repository / "mine" / "shot_noise" / "bundled"
     rows = rows_of(folder)
     assert (rows["variation_of_information"] >= 0).all()
@@ -152,6 +153,7 @@ def test_a_dataset_takes_one_file_in_a_folder_of_the_user(repository, tmp_path, 
     own = tmp_path / "own"
     own.mkdir()
     follow("### A dataset", own)
+    assert set(rows_of(own / "mine" / "holes" / "my_shapes")["model"]) == {"capsule-6"}
     rows = rows_of(own / "mine" / "shot_noise" / "my_shapes")
     assert set(rows["model"]) == {"capsule-3", "capsule-5", "capsule-8"}
     assert set(rows["category"]) == {"capsule"}
@@ -160,7 +162,9 @@ def test_a_dataset_takes_one_file_in_a_folder_of_the_user(repository, tmp_path, 
 def test_a_kind_of_experiment_takes_one_folder(repository, tmp_path, follow):
     own = tmp_path / "own"
     own.mkdir()
-    printed, _ = follow("### A kind of experiment", own)
+    printed, again, _ = follow("### A kind of experiment", own)
+    assert "Renumbering on bundled: 6 trials" in printed
+    assert "6 of them stored already" in again
     folder = own / "mine" / "renumbering" / "bundled"
     rows = rows_of(folder)
     assert rows.groupby("model")["seed"].nunique().to_dict() == {"ant": 2, "bunny": 2, "cow": 2}

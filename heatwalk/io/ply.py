@@ -110,7 +110,7 @@ def read_ply(data: bytes) -> RawMesh:
 
 def _read_header(data: bytes) -> _Header:
     """The format and the elements; lines end with LF, CR LF or CR, as the first one does."""
-    first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
+    first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data, re.IGNORECASE)
     if first is None:
         raise MeshError("not a PLY file: it does not begin with a line 'ply'")
     line_end = first[1]

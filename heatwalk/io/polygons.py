@@ -11,6 +11,9 @@ from heatwalk.meshes import MeshError
 # rounding moves off a straight side do not make a polygon concave.
 _TURNED_OVER = 1e-9
 
+# Triangles of a polygon that does not cross itself have its area, up to this fraction.
+_SAME_AREA = 1e-6
+
 
 class RawMesh(NamedTuple):
     """The contents of a mesh file: vertices (n, 3), triangles (m, 3), the number of polygons, and what was ignored."""
@@ -59,35 +62,57 @@ def surplus_note(surplus: bytes, record_size: int, kind: str) -> tuple[str, ...]
 
 def raw_mesh(vertices: NDArray, polygons: Polygons, notes: tuple[str, ...] = ()) -> RawMesh:
     """Triangulated polygons, after a check of their corners: the message counts the polygons of the file."""
-    n_vertices = len(vertices)
+    check_corners(polygons, len(vertices), "face")
+    faces, n_crossing = triangulate(vertices, polygons)
+    if n_crossing == 1:
+        notes += ("1 face crosses itself: it became a fan, whose triangles overlap",)
+    elif n_crossing:
+        notes += (f"{n_crossing:,} faces cross themselves: they became fans, whose triangles overlap",)
+    return RawMesh(vertices, faces, len(polygons.sizes), notes)
+
+
+def check_corners(polygons: Polygons, n_vertices: int, kind: str) -> None:
+    """Raise MeshError for the first polygon, or other ``kind`` of cell, with a corner that is not a vertex."""
     invalid = (polygons.corners < 0) | (polygons.corners >= n_vertices)
     if invalid.any():
         first = int(np.argmax(invalid))
         polygon = int(np.searchsorted(np.cumsum(polygons.sizes), first, side="right"))
         raise MeshError(
-            f"face {polygon} (counted from 0) refers to vertex {polygons.corners[first]}, but there are {n_vertices} "
+            f"{kind} {polygon} (counted from 0) refers to vertex {polygons.corners[first]}, but there are {n_vertices} "
             "vertices"
         )
-    return RawMesh(vertices, triangulate(vertices, polygons), len(polygons.sizes), notes)
 
 
-def triangulate(vertices: NDArray, polygons: Polygons) -> NDArray[np.int64]:
-    """Triangles of polygons of any size, (t, 3): triangles first, then the halves of quads, then the rest.
+class _Triangulation(NamedTuple):
+    """Triangles (t, 3), and the number of polygons that cross themselves."""
+
+    faces: NDArray[np.int64]
+    n_crossing: int
+
+
+def triangulate(vertices: NDArray, polygons: Polygons) -> _Triangulation:
+    """Triangles of polygons of any size: triangles first, then the halves of quads, then the rest.
 
     Polygons with at least four corners become fans around their first corner (quads: halves along the diagonal from
     it), unless the fan would leave the polygon. Then the polygon is concave, and ears are clipped from its projection
-    to the plane that its area vector is normal to. Polygons with fewer than three corners have no triangles.
+    to the plane that its area vector is normal to. One that crosses itself stays a fan. Polygons with fewer than three
+    corners have no triangles.
     """
     sizes, corners = polygons
     if (sizes == 3).all():
-        return corners.reshape(-1, 3)
+        return _Triangulation(corners.reshape(-1, 3), 0)
+    n_crossing = 0
     starts = np.cumsum(sizes) - sizes
     triangles = corners[starts[sizes == 3][:, None] + np.arange(3)]
     quads = corners[starts[sizes == 4][:, None] + np.arange(4)]
     halves = _halves(quads)
     n_quads = len(quads)
     for i in np.flatnonzero(_leaves_polygon(vertices, quads)):
-        halves[[i, n_quads + i]] = _clip_ears(vertices, quads[i])
+        ears = _clip_ears(vertices, quads[i])
+        if ears is None:
+            n_crossing += 1
+        else:
+            halves[[i, n_quads + i]] = ears
 
     large = np.flatnonzero(sizes > 4)
     fan_sizes = sizes[large] - 2
@@ -99,9 +124,13 @@ def triangulate(vertices: NDArray, polygons: Polygons) -> NDArray[np.int64]:
         same = np.flatnonzero(sizes[large] == size)
         rings = corners[starts[large[same]][:, None] + np.arange(size)]
         for i in np.flatnonzero(_leaves_polygon(vertices, rings)):
+            ears = _clip_ears(vertices, rings[i])
             at = fan_starts[same[i]]
-            fans[at : at + size - 2] = _clip_ears(vertices, rings[i])
-    return np.vstack([triangles, halves, fans])
+            if ears is None:
+                n_crossing += 1
+            else:
+                fans[at : at + size - 2] = ears
+    return _Triangulation(np.vstack([triangles, halves, fans]), n_crossing)
 
 
 def _halves(quads: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -121,39 +150,48 @@ def _relative(vertices: NDArray, rings: NDArray[np.int64]) -> NDArray[np.float64
 def _leaves_polygon(vertices: NDArray, rings: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether the fan around the first corner of each of the (p, k) rings leaves the polygon, (p,).
 
-    In the projection along the area vector, such a fan has a triangle that is turned over.
+    In the projection along the area vector, such a fan has a triangle that is turned over. Or the area vector vanishes
+    though those of the triangles do not.
     """
     points = _relative(vertices, rings)
     with np.errstate(all="ignore"):
         areas = np.cross(points[:, 1:-1], points[:, 2:])  # twice the area vectors of the fan's triangles
         total = areas.sum(axis=1, keepdims=True)
         along = (areas * total).sum(axis=2)
-        return along.min(axis=1) < -_TURNED_OVER * (total**2).sum(axis=(1, 2))
+        square = (total**2).sum(axis=(1, 2))
+        parts = np.linalg.norm(areas, axis=2).sum(axis=1)
+        cancels = (parts > _TURNED_OVER) & (square <= (_TURNED_OVER * parts) ** 2)
+        return cancels | (along.min(axis=1) < -_TURNED_OVER * square)
 
 
-def _clip_ears(vertices: NDArray, ring: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Triangles of one concave polygon of k corners, (k - 2, 3), in its orientation."""
+def _clip_ears(vertices: NDArray, ring: NDArray[np.int64]) -> NDArray[np.int64] | None:
+    """Triangles of one concave polygon of k corners, (k - 2, 3), in its orientation; None if it crosses itself."""
     from mapbox_earcut import triangulate_float64
 
     points = _relative(vertices, ring[None])[0]
     flat = _project(points)
     found = triangulate_float64(flat, np.array([len(ring)], dtype=np.uint32)).reshape(-1, 3).astype(np.int64)
-    if not len(found):  # the corners are on a line
-        return ring[np.array(_fan(len(ring)), dtype=np.int64)]
+    if not len(found):
+        return None
+    x, y = flat.T
+    total = float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
     a, b, c = flat[found].transpose(1, 0, 2)
     doubled = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    if not abs(np.abs(doubled).sum() - abs(total)) <= _SAME_AREA * abs(total):
+        return None
     if doubled.sum() < 0:
         found = found[:, ::-1]
-    return ring[np.array(_with_all_corners(found.tolist(), len(ring)), dtype=np.int64)]
+    triangles = _with_all_corners(found.tolist(), len(ring))
+    return ring[np.array(triangles, dtype=np.int64)] if len(triangles) == len(ring) - 2 else None
 
 
 def _project(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Coordinates of (k, 3) corners in the plane normal to their area vector, (k, 2), counterclockwise."""
     normal = np.cross(points[1:-1], points[2:]).sum(axis=0)
-    normal /= np.linalg.norm(normal)
+    normal /= np.linalg.norm(normal) or 1.0
     axis = np.eye(3)[np.argmin(np.abs(normal))]
     first = np.cross(axis, normal)
-    first /= np.linalg.norm(first)
+    first /= np.linalg.norm(first) or 1.0
     return np.ascontiguousarray(np.column_stack([points @ first, points @ np.cross(normal, first)]))
 
 
@@ -174,10 +212,4 @@ def _with_all_corners(triangles: list[list[int]], size: int) -> list[list[int]]:
                     triangles[i] = [start, corner % size, side[2]]
                     triangles.append([corner % size, end, side[2]])
                     break
-    # A polygon that crosses itself can give another number of triangles than one that does not.
-    return triangles if len(triangles) == size - 2 else _fan(size)
-
-
-def _fan(size: int) -> list[list[int]]:
-    """Triangles from the first corner of a polygon."""
-    return [[0, i, i + 1] for i in range(1, size - 1)]
+    return triangles

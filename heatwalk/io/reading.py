@@ -1,5 +1,9 @@
 """Reading a mesh file: the format follows from the suffix."""
 
+import bz2
+import gzip
+import lzma
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,20 +11,44 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from heatwalk.io.gltf import external_buffers, read_gltf
+from heatwalk.io.msh import read_msh
 from heatwalk.io.obj import read_obj
 from heatwalk.io.off import read_off
 from heatwalk.io.ply import read_ply
 from heatwalk.io.polygons import RawMesh
 from heatwalk.io.stl import read_stl
+from heatwalk.io.threemf import read_threemf
+from heatwalk.io.vtk_legacy import read_vtk
+from heatwalk.io.vtk_xml import read_vtp, read_vtu
 from heatwalk.io.welding import Weld, check_weld, coincidence_notes, weld_vertices
 from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced, repeats_earlier_face
 
-READERS: dict[str, Callable[[bytes], RawMesh]] = {
+READERS: dict[str, Callable[..., RawMesh]] = {
     ".off": read_off,
     ".obj": read_obj,
     ".ply": read_ply,
     ".stl": read_stl,
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
+    ".3mf": read_threemf,
+    ".vtk": read_vtk,
+    ".vtp": read_vtp,
+    ".vtu": read_vtu,
+    ".msh": read_msh,
 }
+
+# Formats of several files: their readers need the folder.
+_IN_FOLDERS = (".glb", ".gltf")
+
+DECOMPRESSORS: dict[str, Callable[[bytes], bytes]] = {
+    ".gz": gzip.decompress,
+    ".bz2": bz2.decompress,
+    ".xz": lzma.decompress,
+}
+
+# What can be read, for messages.
+READABLE = f"{', '.join(READERS)}, each also with {', '.join(DECOMPRESSORS)} after it"
 
 
 @dataclass(frozen=True)
@@ -32,7 +60,8 @@ class LoadedMesh:
     vertices : (n, 3) float64 array, in the unit of the file
     faces : (m, 3) int64 array of vertex indices
     notes : tuple of str
-        one sentence per change made while reading; empty if the arrays are exactly those of the file
+        one sentence per change made while reading, per thing in the file that is no part of the mesh, and on the unit
+        where the file tells it
     """
 
     vertices: NDArray[np.float64]
@@ -41,12 +70,13 @@ class LoadedMesh:
 
 
 def read_mesh(path: str | Path, weld: Weld = None) -> LoadedMesh:
-    """Read an OFF, OBJ, PLY (ASCII or binary) or STL (ASCII or binary) file as a triangle mesh.
+    """Read a file in one of the common formats as a triangle mesh.
 
     Parameters
     ----------
     path : str or Path
-        the suffix selects the format: .off, .obj, .ply or .stl, in upper or lower case
+        the suffix selects the format: .off, .obj, .ply, .stl, .glb, .gltf, .3mf, .vtk, .vtp, .vtu or .msh (of Gmsh),
+        each also compressed, as in .off.gz, .bz2 or .xz; in upper or lower case
     weld : None, "exact" or float
         merge vertices that coincide: those of exactly equal coordinates, or those at most that far apart, relative to
         the bounding-box diagonal, and chains of them. All faces are kept, in their order.
@@ -67,10 +97,12 @@ def read_mesh(path: str | Path, weld: Weld = None) -> LoadedMesh:
     Only positions and faces are read: texture seams, normals and colours do not split vertices, and all objects and
     groups of a file form one mesh. Vertices and triangles keep the order of the file. Polygons are triangulated:
     triangles come first, then the halves of the quads, then the rest; concave polygons by ear clipping in the plane
-    that fits them best, others as fans around their first corner. STL corners with exactly equal coordinates are
-    merged into one vertex, and the vertices are sorted by coordinates. Unreferenced vertices are dropped. Vertices
-    that coincide, exactly or within 1e-5 of the bounding-box diagonal, stay separate unless ``weld`` is given, and a
-    note counts them.
+    that fits them best, others as fans around their first corner. The parts of a scene (glTF, 3MF) are placed by its
+    transforms and joined; coordinates stay in the unit of the file, and the axes what they are. Of volume cells (VTK,
+    Gmsh) the boundary is taken, and cells of higher order are read by their corners. STL corners with exactly equal
+    coordinates are merged into one vertex, and the vertices are sorted by coordinates. Unreferenced vertices are
+    dropped. Vertices that coincide, exactly or within 1e-5 of the bounding-box diagonal, stay separate unless ``weld``
+    is given, and a note counts them.
 
     Examples
     --------
@@ -88,7 +120,7 @@ def read_mesh(path: str | Path, weld: Weld = None) -> LoadedMesh:
     ('triangulated 1 face into 2 triangles',)
     """
     path = Path(path)
-    file_format = path.suffix[1:].upper()
+    file_format = split_suffix(path.name)[1].lstrip(".").partition(".")[0].upper()
     try:
         check_weld(weld)
         vertices, faces, n_polygons, ignored = _read_arrays(path, file_format)
@@ -128,16 +160,65 @@ def _finish(vertices: NDArray[np.float64], faces: NDArray[np.int64], notes: tupl
     return LoadedMesh(vertices, faces, notes + coincidence_notes(vertices, faces))
 
 
+def split_suffix(name: str) -> tuple[str, str]:
+    """Split the name of a mesh file into the part before its suffix, and the suffix.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    stem : str
+        the name itself if it has no suffix of a format that `read_mesh` reads
+    suffix : str
+        as in the name, with that of the compression: ".OFF", ".ply.gz"; "" for any other name
+
+    Examples
+    --------
+    >>> split_suffix("cat.1.OFF"), split_suffix("cat.ply.gz"), split_suffix("cat.dae")
+    (('cat.1', '.OFF'), ('cat', '.ply.gz'), ('cat.dae', ''))
+    """
+    path = Path(name)
+    compression = path.suffix if path.suffix.lower() in DECOMPRESSORS else ""
+    suffix = Path(path.stem).suffix if compression else path.suffix
+    if suffix.lower() not in READERS:
+        return name, ""
+    return name[: len(name) - len(suffix) - len(compression)], suffix + compression
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files that a mesh is read from: the file itself, and those that it refers to."""
+    if split_suffix(path.name)[1].lower() != ".gltf":
+        return [path]
+    try:
+        return [path, *external_buffers(path.read_bytes(), path.parent)]
+    except (MeshError, OSError):  # reading it gives the reason
+        return [path]
+
+
 def _read_arrays(path: Path, file_format: str) -> tuple[NDArray[np.float64], NDArray[np.int64], int, tuple[str, ...]]:
     """Vertices, triangles, the number of polygons in a file, and notes on what was ignored."""
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise MeshError(f"unknown suffix {path.suffix!r}; supported: {', '.join(READERS)}")
+    suffix = split_suffix(path.name)[1].lower()
+    if not suffix:
+        raise MeshError(f"unknown suffix {path.suffix!r}; supported: {READABLE}")
     data = path.read_bytes()
+    mesh_suffix, dot, compression = suffix[1:].partition(".")
+    if dot and data:
+        data = _decompress(data, f".{compression}")
     if not data.strip():
         raise MeshError("the file is empty")
-    raw = reader(data)
+    reader = READERS[f".{mesh_suffix}"]
+    raw = reader(data, path.parent) if f".{mesh_suffix}" in _IN_FOLDERS else reader(data)
     if not len(raw.faces):
         raise MeshError(f"not a {file_format} file, or it has no faces or is truncated")
     vertices, faces = check_arrays(raw.vertices, raw.faces)
     return vertices, faces, raw.n_polygons, raw.notes
+
+
+def _decompress(data: bytes, suffix: str) -> bytes:
+    """The contents of a compressed file."""
+    try:
+        return DECOMPRESSORS[suffix](data)
+    except (OSError, EOFError, ValueError, zlib.error, lzma.LZMAError) as error:
+        raise MeshError(f"cannot be decompressed as {suffix}, or is truncated: {error}") from error

@@ -24,6 +24,8 @@ _FACET = re.compile(
 _FACET_BEGINS = re.compile(rb"\bfacet\s+(?:normal|outer)\b")
 # Between two facets: nothing, or the end of a solid and the beginning of the next one, each perhaps with a name.
 _BETWEEN = re.compile(rb"\s*|\s*end\s*solid\b.*\bsolid\b.*", re.DOTALL)
+# The lines that begin and end a solid may contain any words.
+_NAME = re.compile(rb"(?:\A\s*|(?<=[\r\n])[ \t]*)(?:end[ \t]*)?solid\b[^\r\n]*[\r\n]")
 _BEFORE = re.compile(rb"\s*solid\b.*", re.DOTALL)
 _AFTER = re.compile(rb"\s*end\s*solid\b.*", re.DOTALL)
 
@@ -74,7 +76,7 @@ def _read_text(data: bytes) -> NDArray[np.float64]:
     n_facets = 0
     for facet in _FACET.finditer(text):
         gap = text[position : facet.start()]
-        if not (_BETWEEN if n_facets else _BEFORE).fullmatch(gap) or _FACET_BEGINS.search(gap):
+        if not (_BETWEEN if n_facets else _BEFORE).fullmatch(gap) or _FACET_BEGINS.search(_NAME.sub(b"", gap)):
             _reject_gap(text, position, n_facets)
         facets += facet.groups()
         position = facet.end()

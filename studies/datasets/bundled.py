@@ -13,6 +13,7 @@ import numpy as np
 import pymeshlab
 import trimesh
 
+from heatwalk.examples import EXAMPLES
 from heatwalk.io import LoadedMesh, read_mesh
 from studies.datasets.dataset import Dataset, DatasetError, Model, selected_names
 
@@ -58,15 +59,14 @@ class Recipe:
         return Path(str(distribution(self.package).locate_file(self.file)))
 
 
-_SAMPLES = "pymeshlab/tests/sample_meshes"
 RECIPES = {
     # Fifteen closed pieces, 486 vertices in all, up to 3.6 % of the diagonal apart. At this alpha any offset from
     # 1.2 to 1.5 % joins them without handles; a closer wrap leaves pieces loose, or joins legs to form rings.
-    "ant": Recipe("pyvista", "pyvista/examples/ant.ply", alpha=1.5, offset=1.3, subdivide=True),
+    "ant": Recipe(*EXAMPLES["ant"], alpha=1.5, offset=1.3, subdivide=True),
     # Closed and in one piece, with 28,088 vertices. (The other packaged bunny has holes.)
-    "bunny": Recipe("pymeshlab", f"{_SAMPLES}/bunny.obj", alpha=0.95, offset=0.25, subdivide=False),
+    "bunny": Recipe(*EXAMPLES["bunny"], alpha=0.95, offset=0.25, subdivide=False),
     # Closed and in one piece, with 2,904 vertices.
-    "cow": Recipe("pymeshlab", f"{_SAMPLES}/cow.obj", alpha=0.8, offset=0.25, subdivide=False),
+    "cow": Recipe(*EXAMPLES["cow"], alpha=0.8, offset=0.25, subdivide=False),
 }
 
 

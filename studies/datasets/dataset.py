@@ -23,6 +23,8 @@ from studies.planning.targets import check_required, construct, locate
 if TYPE_CHECKING:
     from heatwalk.io import LoadedMesh
 
+MOST_LISTED = 20  # names of models in a message
+
 _EXAMPLES = {"_target_": "my_package.MyDataset", "glob": "my/meshes/**/*.off", "root": "PATH"}
 
 
@@ -168,7 +170,7 @@ def make_dataset(options: Mapping[str, Any]) -> Dataset:
     ----------
     options : mapping
         ``_target_``, the dotted name of a subclass of `Dataset` in an installed package or in the current folder;
-        and the keyword arguments of that class
+        and the keyword arguments of that class. ``models``, a list of names, selects models of every dataset.
 
     Returns
     -------
@@ -186,10 +188,14 @@ def make_dataset(options: Mapping[str, Any]) -> Dataset:
     [BundledModel(name='cow', category='animal')]
     """
     check_required("dataset", options, _EXAMPLES, DatasetError)
+    options = dict(options)
     name = str(options.get("_target_"))
     target = locate("dataset", name, DatasetError)
     if not (isinstance(target, type) and issubclass(target, Dataset)):
         raise DatasetError(f"dataset._target_={name} is not a subclass of studies.datasets.Dataset")
+    models = None
+    if options.get("models") is None or "models" not in inspect.signature(target).parameters:
+        models = selected_names("models", options.pop("models", None))
     _check_options(target, name, [key for key in options if not key.startswith("_")])
     dataset = construct("dataset", options, DatasetError)
     if not getattr(dataset, "name", None):
@@ -198,7 +204,35 @@ def make_dataset(options: Mapping[str, Any]) -> Dataset:
         check_name("dataset.name", dataset.name)
     except StudyError as error:
         raise DatasetError(str(error)) from error
-    return dataset
+    return dataset if models is None else SelectedModels(dataset, models)
+
+
+class SelectedModels(Dataset):
+    """Some models of a dataset that has no option to select them.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    names : set of str
+    """
+
+    def __init__(self, dataset: Dataset, names: set[str]):
+        self.name = dataset.name
+        self._dataset = dataset
+        self._names = names
+
+    def models(self) -> list[Model]:
+        """The selected models, in the order of the dataset.
+
+        Raises
+        ------
+        DatasetError
+            If there is no model of a name that was asked for.
+        """
+        available = self._dataset.models()
+        names = [model.name for model in available]
+        require_available("models", self._names, set(names), listed_names(names), f"the dataset {self.name}")
+        return [model for model in available if model.name in self._names]
 
 
 def _check_options(target: type[Dataset], name: str, keys: Sequence[str]) -> None:
@@ -219,11 +253,16 @@ def selected_names(option: str, values: Iterable[str | int] | None) -> set[str] 
     return None if values is None else {str(value) for value in values}
 
 
-def require_available(what: str, requested: set[str], available: set[str], listing: str, root: Path) -> None:
+def require_available(what: str, requested: set[str], available: set[str], listing: str, root: Path | str) -> None:
     """Raise if anything requested is not available; the message lists what is, as ``listing``."""
     missing = sorted(requested - available, key=natural_order)
     if missing:
         raise DatasetError(f"{root} does not have the {what} {', '.join(missing)}; it has {listing or 'none'}")
+
+
+def listed_names(names: Sequence[str]) -> str:
+    """The first of some names, for a message."""
+    return ", ".join(names[:MOST_LISTED]) + (", …" if len(names) > MOST_LISTED else "")
 
 
 def natural_order(name: str) -> list[tuple[int, str]]:

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import glob
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from heatwalk.io import LoadedMesh, read_mesh
+from heatwalk.io.reading import DECOMPRESSORS, READERS, files_of, split_suffix
 from studies.datasets.dataset import (
     Dataset,
     DatasetError,
     Model,
     check_weld_option,
+    listed_names,
     natural_order,
+    require_available,
+    selected_names,
     welded_digest,
 )
 from studies.datasets.folders import is_macos_metadata
 from studies.storage.text import encodable
 
-SUFFIXES = (".off", ".obj", ".ply", ".stl")
+SUFFIXES = tuple(READERS)
 
 
 @dataclass(frozen=True)
@@ -42,9 +47,12 @@ class FileModel(Model):
         return read_mesh(self.path, weld=self.weld)
 
     def digest(self) -> str:
-        """SHA-256 of the file, and of how its vertices are merged if they are."""
+        """SHA-256 of the file and of those that it refers to, and of how its vertices are merged if they are."""
         with self.path.open("rb") as file:
-            return welded_digest(hashlib.file_digest(file, "sha256").hexdigest(), self.weld)
+            digest = hashlib.file_digest(file, "sha256")
+        for path in files_of(self.path)[1:]:
+            digest.update(path.read_bytes() if path.is_file() else b"")
+        return welded_digest(digest.hexdigest(), self.weld)
 
 
 class Files(Dataset):
@@ -57,12 +65,14 @@ class Files(Dataset):
     ----------
     glob : str or None
         a folder, a file, or a pattern with ``*``, ``?``, ``[…]``, and ``**`` for any number of folders. A relative
-        one starts at the current folder. Files whose suffix is not in ``SUFFIXES``, in upper or lower case, are
-        ignored, and so are the ``._*`` files of macOS.
+        one starts at the current folder. Files whose suffix is not in ``SUFFIXES``, in upper or lower case and with
+        that of a compression (``.off.gz``) or without, are ignored, and so are the ``._*`` files of macOS.
     name : str
         name of the dataset in the results
     weld : None, "exact" or float
         merge coincident vertices of each mesh, see `heatwalk.read_mesh`
+    models : sequence of str, optional
+        names of models; all by default
 
     Examples
     --------
@@ -74,8 +84,15 @@ class Files(Dataset):
     [('cats/tom', 'cats')]
     """
 
-    def __init__(self, glob: str | None, name: str = "files", weld: str | float | None = None):
+    def __init__(
+        self,
+        glob: str | None,
+        name: str = "files",
+        weld: str | float | None = None,
+        models: Sequence[str | int] | None = None,
+    ):
         check_weld_option(weld)
+        self._names = selected_names("models", models)
         self._weld = weld
         self.name = name
         self._glob = glob
@@ -90,7 +107,8 @@ class Files(Dataset):
         Raises
         ------
         DatasetError
-            If no file matches, or two files would have the same model name.
+            If no file matches, two files would have the same model name, or there is no model of a name that was
+            asked for.
         """
         if not self._glob:
             raise DatasetError("the dataset 'files' needs a folder or a pattern: dataset.glob='my/meshes/**/*.off'")
@@ -106,19 +124,23 @@ class Files(Dataset):
             )
         models: dict[str, FileModel] = {}
         for path in paths:
-            name = encodable(path.with_suffix("").as_posix())
+            name = encodable(path.with_name(split_suffix(path.name)[0]).as_posix())
             if name in models:
                 raise DatasetError(
                     f"{models[name].path} and {top / path} would both be the model {name!r}; "
-                    f"give a pattern that matches one of them, such as dataset.glob='{top}/**/*{path.suffix}'"
+                    f"give a pattern that matches one of them, such as "
+                    f"dataset.glob='{top}/**/*{split_suffix(path.name)[1]}'"
                 )
             models[name] = FileModel(name, encodable(path.parent.name), (top / path).absolute(), self._weld)
-        return list(models.values())
+        if self._names is None:
+            return list(models.values())
+        require_available("models", self._names, set(models), listed_names(list(models)), top)
+        return [model for name, model in models.items() if name in self._names]
 
 
 def _is_mesh_name(path: Path) -> bool:
     """Whether a file is a mesh by its name."""
-    return path.suffix.lower() in SUFFIXES and not any(is_macos_metadata(part) for part in path.parts)
+    return bool(split_suffix(path.name)[1]) and not any(is_macos_metadata(part) for part in path.parts)
 
 
 def _split(path: Path) -> tuple[Path, str]:
@@ -136,8 +158,10 @@ def _split(path: Path) -> tuple[Path, str]:
 
 def _any_case(pattern: str) -> str:
     """A pattern that matches its suffix in upper and lower case: ``*.off`` finds ``1.OFF``."""
-    suffix = Path(pattern).suffix
-    if suffix.lower() not in SUFFIXES:
+    suffix = split_suffix(Path(pattern).name)[1]
+    if not suffix and Path(pattern).suffix.lower() in DECOMPRESSORS:
+        suffix = Path(pattern).suffix
+    if not suffix:
         return pattern
-    either = "".join(f"[{letter.lower()}{letter.upper()}]" for letter in suffix[1:])
-    return f"{pattern.removesuffix(suffix)}.{either}"
+    either = "".join(f"[{letter.lower()}{letter.upper()}]" if letter.isalpha() else letter for letter in suffix)
+    return pattern.removesuffix(suffix) + either

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.io import LoadedMesh, read_mesh, read_seg
+from heatwalk.io.reading import split_suffix
 from studies.datasets.dataset import (
     Dataset,
     DatasetError,
@@ -29,6 +30,7 @@ from studies.datasets.dataset import (
     welded_digest,
 )
 from studies.datasets.folders import find, folder, is_macos_metadata, read
+from studies.reporting.text import count_of
 
 # The benchmark numbers its models by category; 261 to 280 are not part of it.
 CATEGORIES = {
@@ -89,7 +91,7 @@ class PSBModel(Model):
     data : str
         path in it of the folder that contains ``off`` and ``seg``
     file : str
-        name of the OFF file; by default the model's name with ``.off``
+        name of the file of the mesh; by default the model's name with ``.off``
     weld : None, "exact" or float
         see `heatwalk.read_mesh`; faces keep their number and order, to which people's labels refer
     """
@@ -193,8 +195,7 @@ class PSB(Dataset):
             two options together leave no model.
         """
         root, data = find(self._root, lambda inside: (inside / "off").is_dir(), _LAYOUT)
-        names_of_files = sorted(file.name for file in (folder(root, data) / "off").iterdir())
-        files = {file[:-4]: file for file in names_of_files if file.lower().endswith(".off")}  # 1.OFF too
+        files = _files(folder(root, data) / "off")
         available = {name: category for name, category in _CATEGORY_OF.items() if name in files}
         categories, names = self._selected_categories(available, root), set(available)
         if self._names is not None:
@@ -207,8 +208,8 @@ class PSB(Dataset):
         ]
         if not models:
             raise DatasetError(
-                f"{root} has {len(available)} models of the benchmark, and dataset.categories and dataset.models "
-                "select none of them"
+                f"{root} has {count_of(len(available), 'model')} of the benchmark, and dataset.categories and "
+                "dataset.models select none of them"
             )
         return models
 
@@ -222,6 +223,19 @@ class PSB(Dataset):
         listing = ", ".join(dict.fromkeys(available.values()))
         require_available("categories", categories, set(available.values()), listing, root)
         return categories
+
+
+def _files(off: Path | zipfile.Path) -> dict[str, str]:
+    """The files of the models by number: 1.off, or another format or compression that `heatwalk.read_mesh` reads."""
+    files: dict[str, str] = {}
+    for file in sorted(file.name for file in off.iterdir()):
+        name, suffix = split_suffix(file)
+        if not suffix or name not in _CATEGORY_OF:
+            continue
+        if name in files:
+            raise DatasetError(f"{off} has model {name} both as {files[name]} and as {file}; keep one of them")
+        files[name] = file
+    return files
 
 
 def _category(name: str) -> str:

@@ -21,14 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.io import LoadedMesh, parse_integers, read_mesh
+from heatwalk.io.reading import split_suffix
 from heatwalk.meshes import MeshError, check_arrays, describe_error, drop_unreferenced
 from studies.datasets.dataset import Dataset, DatasetError, Model, natural_order, require_available, selected_names
 from studies.datasets.folders import find, folder, read
+from studies.reporting.text import count_of
 
-# The files that make up a pose, by the suffix of the file that identifies it.
-SUFFIXES = {".off": (".off",), ".mat": (".mat",), ".vert": (".vert", ".tri")}
+# The files that make up a pose of the original, by the suffix of the file that identifies it. A remeshed pose is one
+# file in a format that `heatwalk.read_mesh` reads.
+SUFFIXES = {".mat": (".mat",), ".vert": (".vert", ".tri")}
 
-_POSE = re.compile(r"(([a-z]+)[0-9]+)(\.off|\.mat|\.vert)")
+_POSE = re.compile(r"([a-z]+)[0-9]+")
 
 _LAYOUT = """\
 TOSCA, a folder or a zip archive, contains at its top, or in a folder one or two levels below, one of
@@ -49,7 +52,7 @@ class TOSCAModel(Model):
     data : str
         path in it of the folder that contains the poses
     suffix : str
-        suffix of the pose's file, one of `SUFFIXES`
+        suffix of the pose's file, in lower case: one of `SUFFIXES`, or of those that `heatwalk.read_mesh` reads
     listed : bool
         whether the folder ``corres`` contains lists of corresponding vertices of this shape
     standard : str
@@ -65,7 +68,7 @@ class TOSCAModel(Model):
     def load(self) -> LoadedMesh:
         """The mesh of the pose, without vertices that belong to no face."""
         files = self._files()
-        if self.suffix == ".off":
+        if self.suffix not in _READERS:
             return read(files[0], read_mesh)
         try:
             vertices, faces = check_arrays(*_READERS[self.suffix](*(file.read_bytes() for file in files)))
@@ -147,11 +150,12 @@ class TOSCAModel(Model):
 
     def _files(self) -> list[Path | zipfile.Path]:
         """The files of the pose."""
-        return [folder(self.root, self.data) / f"{self.name}{suffix}" for suffix in SUFFIXES[self.suffix]]
+        inside = folder(self.root, self.data)
+        return [_file(inside, self.name, suffix) for suffix in SUFFIXES.get(self.suffix, (self.suffix,))]
 
     def _list_file(self) -> Path | zipfile.Path:
         """The pose's file in ``corres``."""
-        return folder(self.root, self.data) / "corres" / f"{self.name}.vts"
+        return _file(folder(self.root, self.data) / "corres", self.name, ".vts")
 
 
 class TOSCA(Dataset):
@@ -215,7 +219,8 @@ class TOSCA(Dataset):
             selected = [model for model in selected if model.name in self._names]
         if not selected:
             raise DatasetError(
-                f"{root} has {len(models)} poses, and dataset.categories and dataset.models select none of them"
+                f"{root} has {count_of(len(models), 'pose')}, and dataset.categories and dataset.models select none of "
+                "them"
             )
         return selected
 
@@ -224,7 +229,7 @@ def _all_models(root: Path, data: str) -> dict[str, TOSCAModel]:
     """Every pose in a folder, by name."""
     poses = _poses(folder(root, data))
     corres = folder(root, data) / "corres"
-    list_files = {file.name for file in corres.iterdir()} if corres.is_dir() else set()
+    list_files = {_lower_suffix(file.name) for file in corres.iterdir()} if corres.is_dir() else set()
     shapes: dict[str, list[str]] = {}
     for name, shape, _ in poses:
         shapes.setdefault(shape, []).append(name)
@@ -242,9 +247,34 @@ def _all_models(root: Path, data: str) -> dict[str, TOSCAModel]:
 
 def _poses(inside: Path | zipfile.Path) -> list[tuple[str, str, str]]:
     """Name, shape and suffix of the poses in a folder, in natural order."""
-    matches = (_POSE.fullmatch(file.name) for file in inside.iterdir())
-    poses = [(match[1], match[2], match[3]) for match in matches if match]
+    poses = []
+    for file in inside.iterdir():
+        name, suffix = _split(file.name)
+        match = _POSE.fullmatch(name)
+        if match and suffix:
+            poses.append((name, match[1], suffix.lower()))
     return sorted(poses, key=lambda pose: natural_order(pose[0] + pose[2]))
+
+
+def _split(name: str) -> tuple[str, str]:
+    """The name of a pose, and the suffix of its file; "" for any other file."""
+    path = Path(name)
+    return (path.stem, path.suffix) if path.suffix.lower() in SUFFIXES else split_suffix(name)
+
+
+def _lower_suffix(name: str) -> str:
+    """The name of a file with its suffix in lower case."""
+    path = Path(name)
+    return path.stem + path.suffix.lower()
+
+
+def _file(inside: Path | zipfile.Path, name: str, suffix: str) -> Path | zipfile.Path:
+    """The file of a name and a suffix, which may be in upper case."""
+    file = inside / f"{name}{suffix}"
+    if file.exists() or not inside.is_dir():
+        return file
+    others = (other for other in inside.iterdir() if other.name.startswith(name))
+    return next((other for other in others if other.name[len(name) :].lower() == suffix), file)
 
 
 def _read_vertex_numbers(file: Path | zipfile.Path) -> NDArray[np.int64]:

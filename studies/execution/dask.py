@@ -241,7 +241,7 @@ class _DaskSession:
             )
         if waited >= self._notice_at:
             self._notice_at = waited + NOTICE_SECONDS
-            limit = "without end (engine.wait=SECONDS limits it)" if self._limit is None else f"{self._limit:g} seconds"
+            limit = "no limit (engine.wait=SECONDS sets one)" if self._limit is None else f"{self._limit:g} seconds"
             print(
                 f"waiting for workers of {self._scheduler}, {waited:.0f} seconds so far, {limit}",
                 file=sys.stderr,

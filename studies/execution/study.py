@@ -13,8 +13,10 @@ import numpy as np
 from studies import storage
 from studies.experiments.experiment import row_columns
 from studies.planning.trial import planned_row
+from studies.reporting.text import count_of
 
 if TYPE_CHECKING:
+    import pandas as pd
     from rich.console import Console
 
     from studies.planning.configuration import Study
@@ -65,12 +67,12 @@ def run_study(study: Study, console: Console) -> Outcome:
     Raises
     ------
     StudyError
-        if the options define no trial
+        if the options define no trial, or nothing plans one
     StoreLockedError
         if another process is writing to the study's folder
     """
     trials = study.plan()
-    console.print(f"{study.full_title}: {len(trials):,} trials", highlight=False)
+    console.print(f"{study.full_title}: {count_of(len(trials), 'trial')}", highlight=False)
     if study.dry_run:
         _show_plan(study, trials, console)
         return Outcome(None)
@@ -85,6 +87,7 @@ def run_study(study: Study, console: Console) -> Outcome:
         results = _results(study, trials, store)
         if len(results.rows):
             _write_results(study, results, trials, ended_early, console)
+        _report_missing_metrics(results.rows, store, console)
     _report_failures(results, ended_early, console)
     return Outcome(results, ended_early, results.failures == 0 and len(results.rows) == len(trials))
 
@@ -102,7 +105,8 @@ def _report_store(store: storage.RowStore, console: Console) -> None:
     if store.moved_to:
         console.print(f"  moved to: {store.moved_to}", highlight=False, soft_wrap=True)
     if store.damaged:
-        console.print(f"  {store.path}: {store.damaged} damaged rows ignored; their trials run again")
+        again = "its trial runs again" if store.damaged == 1 else "their trials run again"
+        console.print(f"  {store.path}: {count_of(store.damaged, 'damaged row')} ignored; {again}")
 
 
 def _missing(study: Study, trials: Sequence[Trial], stored: storage.StoredRows | None) -> list[Trial]:
@@ -197,12 +201,36 @@ def _write_results(study: Study, results: Results, trials: Sequence[Trial], ende
     console.print(f"written to {study.folder}", highlight=False, soft_wrap=True)
 
 
+def _report_missing_metrics(rows: pd.DataFrame, store: storage.RowStore, console: Console) -> None:
+    """Print which metrics stored rows lack, because they are older than the metric."""
+    from studies import metrics
+
+    succeeded = rows[rows["status"] == "ok"]
+    for name, metric in metrics.registered().items():
+        if name not in succeeded:
+            continue
+        n_missing = int(succeeded[name].isna().sum())
+        if n_missing and not (metric.needs_mesh and _is_stored(name, store)):
+            computed = "was" if n_missing == 1 else "were"
+            console.print(
+                f"{count_of(n_missing, 'row')} {computed} computed before the metric {name} was added: fresh=true "
+                "computes all rows again",
+                highlight=False,
+                soft_wrap=True,
+            )
+
+
+def _is_stored(name: str, store: storage.RowStore) -> bool:
+    """Whether every stored row has this value, if only to say that it is missing: of comparisons without a mesh."""
+    return all(name in row for row in store if row["status"] == "ok")
+
+
 def _report_failures(results: Results, ended_early: str, console: Console) -> None:
     """Print how many trials failed and why, and whether the study ended early."""
     if results.failures:
         console.print(
-            f"[red]{results.failures} of {len(results.rows)} trials failed[/red]; the column error of trials.parquet "
-            "has the reasons:"
+            f"[red]{results.failures} of {count_of(len(results.rows), 'trial')} failed[/red]; the column error of "
+            "trials.parquet has the reasons:"
         )
         for error, count in results.rows["error"].value_counts().head(ERRORS_SHOWN).items():
             console.print(f"  {count} × {error}", markup=False, highlight=False, soft_wrap=True)

@@ -17,6 +17,7 @@ from studies.experiments.experiment import FAILURES, MODELS, Experiment, frame_o
 from studies.metrics import psb
 from studies.planning.fingerprint import digest, fingerprint
 from studies.planning.trial import Trial
+from studies.reporting.text import count_of
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_of_mean
 
@@ -47,7 +48,9 @@ class BenchmarkTrial(Trial):
         """The mesh and people's segmentations of its faces."""
         people = self.model.human_segmentations()
         if len(people) < 2:
-            raise ValueError(f"model {self.model.name} has {len(people)} segmentations by people; two are needed")
+            raise ValueError(
+                f"model {self.model.name} has {count_of(len(people), 'segmentation')} by people; two are needed"
+            )
         return self.model.load(), people
 
     def measure(self, prepared: tuple[LoadedMesh, list[np.ndarray]]) -> dict[str, Any]:

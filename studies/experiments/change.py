@@ -15,7 +15,7 @@ import trimesh
 
 import perturb
 from studies import metrics
-from studies.columns import Column, Table
+from studies.columns import Column, Table, of_means
 from studies.experiments.experiment import (
     FAILURES,
     PUBLISHED,
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 MEASURE = "change_percentage"  # the metric that the tables and curves are about
 SIZES = ("n_segments", "n_segments_reference")
+OF_STUDY = ("study", "repeats", "gallery")  # options of a study that do not count where it is a part of another
 
 PART = Column(name="part", dtype="string", heading="perturbation", help="Part of the study.")
 LEVEL = Column(name="level", format="g", help="Amount of the perturbation.")
@@ -279,8 +280,13 @@ class Change(Experiment):
     gallery: Mapping[str, Any] | Gallery | None = field(default_factory=Gallery)
 
     def __post_init__(self) -> None:
-        if not self.parts and self.perturbation is not None:
-            _checked_levels("levels" if not self.title else self.title, self.levels)
+        if not self.parts:
+            if self.perturbation is not None:
+                _checked_levels("levels" if not self.title else self.title, self.levels)
+            return
+        for option, default in (("perturbation", None), ("levels", None), ("axis", ""), ("swept", "amount")):
+            if getattr(self, option) != default:
+                raise StudyError(f"{option} is an option of each part of this study: parts.NAME.{option}=…")
 
     columns: ClassVar[tuple[Column, ...]] = metrics.columns()
     notes: ClassVar[str] = (
@@ -412,6 +418,9 @@ def _part(name: str, options: Mapping[str, Any]) -> Part:
     fields = {field.name for field in dataclasses.fields(Part)}
     if not isinstance(options, Mapping) or "perturbation" not in options or "levels" not in options:
         raise StudyError(f"parts.{name} needs a perturbation and levels")
+    unknown = sorted(options.keys() - fields - set(OF_STUDY))
+    if unknown:
+        raise StudyError(f"parts.{name}.{unknown[0]} is not an option: a part has {', '.join(sorted(fields))}")
     return Part(**{key: value for key, value in options.items() if key in fields})
 
 
@@ -473,11 +482,14 @@ def _mean_and_interval(rows: pd.DataFrame) -> dict[str, float]:
 def _further_metrics(rows: pd.DataFrame) -> list[Column]:
     """The metrics that the table shows next to the Change Percentage: those that the rows have values of.
 
-    Rows may be older than a metric.
+    Rows may be older than a metric, and words have no mean.
     """
     none_succeeded = not (rows["status"] == "ok").any()
     return [
-        dataclasses.replace(column, compact=False)
+        of_means(column)
         for column in metrics.columns()
-        if column.name != MEASURE and column.name in rows and (none_succeeded or rows[column.name].notna().any())
+        if column.name != MEASURE
+        and column.dtype != "string"
+        and column.name in rows
+        and (none_succeeded or rows[column.name].notna().any())
     ]

@@ -26,12 +26,21 @@ if TYPE_CHECKING:
     Labels = Callable[[str], Mapping[str, np.ndarray] | None]
 
 SEGMENTER = Column(name="segmenter", dtype="string", help="Segmentation method.")
+"""Column of tables with the segmenter, which is shown if there are several."""
+
 MODELS = Column(name="n", dtype="int64", heading="models", format=".0f", help="Models without a failed trial.")
+"""Column of tables that count models."""
+
 TRIALS = Column(name="n", dtype="int64", heading="n", format=".0f", help="Trials that succeeded.")
+"""Column of tables that count trials."""
+
 FAILURES = Column(
     name="failures", dtype="int64", heading="failed", format=".0f", lower_is_better=True, help="Trials that failed."
 )
+"""Column of tables that count failed trials."""
+
 PUBLISHED = Column(name="published", help="Published value; `studies.reporting` puts the column of a publication here.")
+"""Where a table shows published values; without it, a table shows none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,10 +56,15 @@ class Experiment(ABC):
         what its rows have in addition to `studies.planning.trial.COLUMNS`
     notes : str
         what its tables show, in a few sentences
+    version : int, str or None
+        of an experiment of your own, on which the ids of its trials depend: raise it when its trials compute other
+        values, so that they run again. None: they depend on a digest of the code of the package, or of the module,
+        that defines it, and run again after every change of the code.
     """
 
     columns: ClassVar[tuple[Column, ...]] = ()
     notes: ClassVar[str] = ""
+    version: ClassVar[int | str | None] = None
 
     @abstractmethod
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:

@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from studies.columns import Column, Table
+from studies.reporting.text import count_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
 MOST_MODEL_LINES = 10  # models that are drawn as a line each; quartiles are drawn for more models
 MOST_HEAT_MAPS_PER_ROW = 4
+FEWEST_ROUND_VALUES = 3  # which label an axis well; with fewer, every value is labelled
 NARROW_PANEL = 0.45  # relative width of a panel with a single level
 COMPUTED = "computed"  # the ``source`` of values computed here, in a table of method scores
 CHANGE = "Change Percentage"
@@ -317,7 +319,7 @@ def level_curve(table: Table, rows: pd.DataFrame, axis: str, title: str) -> Char
     """
     several = _has_several_segmenters(table.frame)
     n_models = rows.loc[rows["change_percentage"].notna(), "model"].nunique()
-    mean_label = f"{MEAN} ({_count(n_models, 'model')})"
+    mean_label = f"{MEAN} ({count_of(n_models, 'model')})"
     models, bands = ((), ()) if several else _behind_the_mean(rows)
     panel = Panel(
         x=_level_axis(f"{axis} ({_units(table.frame)})", _levels(table.frame)),
@@ -421,9 +423,9 @@ def segment_counts(rows: pd.DataFrame, intervals: Sequence[tuple[float, float]],
     several = len(counts) > 1
     n_models = rows["model"].nunique()
     left = Panel(
-        x=Axis(f"time ({_units(rows)} units)", ticks=_ticks_of(_levels(rows)), logarithmic=True),
+        x=Axis(f"time ({_units(rows)} units)", ticks=round_values(_levels(rows)), logarithmic=True),
         y=Axis("segments", logarithmic=True),
-        title=f"Segments of {_count(n_models, 'model')}{' (median)' if several else ''}",
+        title=f"Segments of {count_of(n_models, 'model')}{' (median)' if several else ''}",
         series=tuple(
             Series(name if several else "median", _floats(count.columns), _numbers(count.median()), group=group)
             for group, (name, count) in enumerate(counts.items())
@@ -707,15 +709,28 @@ def _equally_spaced(low: float, high: float) -> tuple[float, ...]:
     return tuple(float(f"{k * step:.12g}") for k in range(math.ceil(low / step), math.floor(high / step) + 1))
 
 
-def _ticks_of(values: Sequence[float]) -> tuple[float, ...]:
-    return logarithmic_ticks(min(values), max(values)) if values else ()
-
-
 def _level_axis(label: str, levels: tuple[float, ...]) -> Axis:
     """The axis of a study's levels: logarithmic if a linear one would crowd the small ones together."""
     gaps = np.diff(levels) / np.ptp(levels) if len(levels) > 2 else np.ones(1)
     crowded = bool(min(levels, default=0.0) > 0 and max(levels) > 10 * min(levels) and gaps.min() < CROWDED)
     return Axis(label, ticks=levels, logarithmic=crowded)
+
+
+def round_values(values: Sequence[float]) -> tuple[float, ...]:
+    """The values 1, 2 and 5 times a power of ten within the range of some values; these themselves if there are few.
+
+    Examples
+    --------
+    >>> round_values([0.3, 1.7, 20.0]), round_values([0.6, 0.75, 0.85])
+    ((0.5, 1.0, 2.0, 5.0, 10.0, 20.0), (0.6, 0.75, 0.85))
+    """
+    if not values:
+        return ()
+    low, high = min(values), max(values)
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    candidates = [float(f"{digit}e{exponent}") for exponent in exponents for digit in (1, 2, 5)]
+    found = tuple(value for value in candidates if low <= value <= high)
+    return found if len(found) >= FEWEST_ROUND_VALUES else tuple(values)
 
 
 def _by_segmenter(frame: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
@@ -739,10 +754,6 @@ def _levels(frame: pd.DataFrame) -> tuple[float, ...]:
 
 def _units(frame: pd.DataFrame) -> str:
     return " and ".join(frame["unit"].unique()).replace("_", " ")
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _floats(values: Iterable[Hashable]) -> tuple[float, ...]:

@@ -17,7 +17,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation
 
-from studies.figures.charts import Axis, Bars, Chart, Dots, HeatMap, Number, Panel, Series, logarithmic_ticks
+from studies.figures.charts import (
+    Axis,
+    Bars,
+    Chart,
+    Dots,
+    HeatMap,
+    Number,
+    Panel,
+    Series,
+    logarithmic_ticks,
+    round_values,
+)
 from studies.figures.pictures import stamp
 from studies.figures.style import (
     DPI,
@@ -323,10 +334,9 @@ def _set_x_axis(axes: Axes, axis: Axis, inches: float) -> None:
     if axis.categories:
         longest = max(width(displayable(name), SMALL) for name in axis.categories) + 0.06
         axes.set_xticks(*_few_names(axis.categories, max(int(inches / longest), 1)))
-    elif axis.logarithmic and axis.ticks:
+    elif axis.logarithmic:
         axes.set_xscale("log")
-        axes.set_xticks(axis.ticks, list(map(_number, axis.ticks)))
-        axes.minorticks_off()
+        _set_logarithmic_ticks(axes, axis.ticks, inches)
     elif axis.ticks:
         _set_level_ticks(axes, np.array(axis.ticks), inches)
     elif axis.from_zero:
@@ -350,14 +360,31 @@ def _set_y_axis(axes: Axes, axis: Axis) -> None:
         axes.set_ylim(bottom=0, top=None if axes.dataLim.y1 > 0 and np.isfinite(axes.dataLim.y1) else 1)
 
 
+def _set_logarithmic_ticks(axes: Axes, ticks: Sequence[float], inches: float) -> None:
+    """A tick at every given value, else at 1, 2 and 5 times powers of ten, else at every value that is drawn."""
+    if not ticks:
+        drawn = sorted({float(x) for line in axes.lines for x in np.atleast_1d(line.get_xdata()) if x > 0})
+        ticks = round_values(drawn) or drawn
+    if len(ticks) > 1 and ticks[0] > 0:
+        _label_ticks(axes, np.array(ticks), np.log(ticks), inches)
+    else:
+        axes.set_xticks(ticks, list(map(_number, ticks)))
+    axes.minorticks_off()
+
+
 def _set_level_ticks(axes: Axes, levels: np.ndarray, inches: float) -> None:
-    """A tick with its number at every level: slanted if numbers would touch, and none if it still would."""
-    texts = list(map(_number, levels))
+    """A tick at every level, with its number."""
     if len(levels) == 1:
         axes.set_xlim(levels[0] - 1, levels[0] + 1)
-        axes.set_xticks(levels, texts)
-        return
-    places = (levels - levels[0]) / np.ptp(levels) * 0.9 * inches
+        axes.set_xticks(levels, list(map(_number, levels)))
+    else:
+        _label_ticks(axes, levels, levels, inches)
+
+
+def _label_ticks(axes: Axes, levels: np.ndarray, positions: np.ndarray, inches: float) -> None:
+    """A tick with its number at every level: slanted if numbers would touch, and none if it still would."""
+    texts = list(map(_number, levels))
+    places = (positions - positions[0]) / np.ptp(positions) * 0.9 * inches
     lengths = np.array([width(text, SMALL) for text in texts])
     slanted = bool((np.diff(places) < (lengths[1:] + lengths[:-1]) / 2 + 0.04).any())
     shown: list[int] = []

@@ -22,6 +22,7 @@ from studies.figures.pictures import ColourBar, Picture, Row, Tile, label_of
 from studies.figures.surfaces import surface
 from studies.figures.views import view_of
 from studies.metrics import change_percentage
+from studies.reporting.text import count_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -286,7 +287,7 @@ def over_time(mesh: trimesh.Trimesh, segs: Iterable[Segmentation], reference: Se
         time = round(seg.time, 10)  # as requested, without the rounding of the factor of its unit
         counts[time], change[time] = len(np.unique(labels)), change_percentage(named, labels)
         picture = surface(mesh, view, labels=match_colours(named, labels, labels))
-        tiles.append(Tile(picture, f"t = {time:g}: {counts[time]} segments"))
+        tiles.append(Tile(picture, f"t = {time:g}: {count_of(counts[time], 'segment')}"))
     return MethodFigure([Row(tiles)], {"segments": counts, "change": change})
 
 

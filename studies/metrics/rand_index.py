@@ -60,6 +60,7 @@ METRICS = (
             lower_is_better=True,
             help="One minus the Rand Index: the share of pairs of points together in one segmentation and apart in "
             "the other.",
+            compact=False,
         ),
         function=lambda comparison: rand_index_error(comparison.reference, comparison.labels),
         symmetric=True,

@@ -7,11 +7,14 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from studies.columns import Column
+from studies.columns import Column, of_means
 from studies.metrics.metric import Comparison, Metric
 
 # Modules whose columns precede those of all others, which follow in alphabetical order.
 _LEADING_MODULES = ("change_percentage", "van_dongen", "rand_index")
+
+# Dtypes of columns, which must hold the missing values of trials that fail.
+_DTYPES = ("float64", "Float64", "Int64", "boolean", "string")
 
 
 def registered() -> dict[str, Metric]:
@@ -30,7 +33,7 @@ def registered() -> dict[str, Metric]:
     TypeError
         If ``METRICS`` of a module is not a tuple of `Metric`.
     ValueError
-        If two metrics have the same column name.
+        If two metrics have the same column name, or a column cannot hold missing values or be shown.
 
     Examples
     --------
@@ -96,6 +99,7 @@ def _discovered() -> dict[str, Metric]:
             raise TypeError(f"METRICS in studies/metrics/{module_name}.py must be a tuple of Metric, got {declared!r}")
         for metric in declared:
             name = metric.column.name
+            _check_column(metric.column, module_name)
             if name in found:
                 raise ValueError(
                     f"the metric {name!r} is defined twice, in studies/metrics/{source[name]}.py and {module_name}.py; "
@@ -103,6 +107,23 @@ def _discovered() -> dict[str, Metric]:
                 )
             found[name], source[name] = metric, module_name
     return found
+
+
+def _check_column(column: Column, module_name: str) -> None:
+    """Refuse a column that could not be stored or shown at the end of a study."""
+    where = f"the column {column.name!r} in studies/metrics/{module_name}.py"
+    if column.dtype not in _DTYPES:
+        raise ValueError(
+            f"{where} has the dtype {column.dtype}; it must be one that can hold the missing values of trials that "
+            f"fail: {', '.join(_DTYPES)}"
+        )
+    if not column.stored:
+        raise ValueError(f"{where} has a template, and must have values of its own")
+    example = {"string": "x", "boolean": True}.get(column.dtype, 1.5)
+    try:
+        of_means(column).text({column.name: example})
+    except ValueError as error:
+        raise ValueError(f"{where}: the format {column.format!r} cannot show {example!r}") from error
 
 
 def _rank(module_name: str) -> tuple[int, str]:

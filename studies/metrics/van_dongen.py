@@ -59,6 +59,7 @@ METRICS = (
             lower_is_better=True,
             help="Van Dongen's distance: as the Change Percentage, but each segment is compared with the one that it "
             "overlaps most.",
+            compact=False,
         ),
         function=lambda comparison: van_dongen(comparison.reference, comparison.labels),
         symmetric=True,

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import glob
+import itertools
 import os
 import re
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 
 from hydra import compose, initialize_config_module
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import QuotedString
+from hydra.core.override_parser.types import Glob, QuotedString
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 
@@ -23,6 +26,8 @@ OWN_FOLDER = ("study", "dataset")
 # Options whose values are taken as they are typed, whatever characters they have.
 TEXT_OPTIONS = ("segmenter.command", "dataset.glob", "dataset.root", "results_dir")
 SWEPT_PATHS = ("dataset.glob", "dataset.root")  # those of which a sweep may have several, separated by commas
+
+CUSTOM = "custom"  # the study that is one only with a name and an experiment, so not one of those that glob(*) matches
 
 # Options that choose a configuration by name.
 CHOICES = ("study", "experiment", "dataset", "segmenter", "engine", "perturbation")
@@ -131,6 +136,53 @@ def flags_last(arguments: Sequence[str]) -> list[str]:
     return [*options, *flags]
 
 
+def names_of(group: str) -> str:
+    """The names in a folder of conf, for ``--help``."""
+    return ", ".join(GlobalHydra.instance().config_loader().get_group_options(group))
+
+
+OmegaConf.register_new_resolver("names_of", names_of, replace=True)
+
+
+def list_globbed_studies(arguments: Sequence[str]) -> list[str]:
+    """The arguments, with the studies that ``+study=glob(…)`` matches by name: all but `custom`, which is no study yet.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        of a sweep
+
+    Examples
+    --------
+    >>> list_globbed_studies(["+study=glob(figure*,exclude=figure9)", "repeats=1"])
+    ['+study=figure10,figure12', 'repeats=1']
+    """
+    listed = []
+    for argument in arguments:
+        if argument.startswith("+study=") and "glob(" in argument:
+            with suppress(HydraException), initialize_config_module("conf", version_base="1.3"):
+                names = set(GlobalHydra.instance().config_loader().get_group_options("study")) - {CUSTOM}
+                own = _own_folder(arguments)
+                names |= {path.stem for path in (own / "study").glob("*.yaml")} if own else set()
+                pattern = OverridesParser.create().parse_override(argument).value()
+                if isinstance(pattern, Glob):
+                    argument = f"+study={','.join(pattern.filter(sorted(names)))}"
+        listed.append(argument)
+    return listed
+
+
+def _own_folder(arguments: Sequence[str]) -> Path | None:
+    """The folder that ``--config-dir`` of a command names."""
+    flags = dict(itertools.pairwise(arguments))
+    return next((Path(flags[flag]).absolute() for flag in ("--config-dir", "-cd") if flag in flags), None)
+
+
+def _search_path(arguments: Sequence[str]) -> list[str]:
+    """The override with which a configuration is composed from that folder too."""
+    folder = _own_folder(arguments)
+    return [] if folder is None else [f"hydra.searchpath=[{_quoted(f'file://{folder}')}]"]
+
+
 def add_missing_options(arguments: Sequence[str]) -> list[str]:
     """The arguments, with ``++levels=…`` for ``levels=…`` in a sweep over studies that all have such an option.
 
@@ -139,9 +191,10 @@ def add_missing_options(arguments: Sequence[str]) -> list[str]:
     names = next((a.partition("=")[2].split(",") for a in arguments if a.startswith("+study=")), [])
     if not {"-m", "--multirun"} & set(arguments) or len(names) < 2:
         return list(arguments)
+    own = _search_path(arguments)
     with initialize_config_module("conf", version_base="1.3"), suppress(HydraException):
         bare = compose("config")
-        full = [compose("config", [f"+study={name}"]) for name in names]
+        full = [compose("config", [f"+study={name}", *own]) for name in names]
         return [f"++{a}" if _is_option_of_studies_alone(a, bare, full) else a for a in arguments]
     return list(arguments)
 
@@ -178,7 +231,7 @@ def swept_folder(arguments: Sequence[str], job: Sequence[str]) -> str:
 def option_names(arguments: Sequence[str]) -> list[str]:
     """Names of the options of the study, dataset … that the command line chooses; of the defaults if it is wrong."""
     chosen = [a for a in arguments if a.partition("=")[0] in ("+study", "dataset", "segmenter", "engine", "experiment")]
-    for overrides in (chosen, []):
+    for overrides in ([*chosen, *_search_path(arguments)], []):
         with initialize_config_module("conf", version_base="1.3"), suppress(HydraException):
             cfg = compose("config", overrides)
             return [

@@ -9,15 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 from hydra import compose
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from studies.datasets import make_dataset
 from studies.planning.errors import StudyError
+from studies.planning.fingerprint import with_version
 from studies.planning.names import check_name
+from studies.planning.options import pass_to_experiment
 from studies.planning.targets import check_required, construct
 from studies.planning.types import expectation, has_type
+from studies.reporting.text import count_of
 from studies.storage.text import encodable
 
 if TYPE_CHECKING:
@@ -32,6 +36,8 @@ ON_ERROR = ("continue", "stop")
 
 # Options that are groups of options.
 GROUPS = ("study", "experiment", "dataset", "segmenter", "engine", "trial", "gallery")
+
+_OTHER_GROUPS = tuple(group for group in GROUPS if group != "gallery")  # whose options are not the experiment's
 
 # Options that belong to no class, with their types.
 GENERAL_OPTIONS: dict[str, Any] = {
@@ -92,8 +98,26 @@ class Study:
     command: str = ""
 
     def plan(self) -> list[Trial]:
-        """The trials of the study, model by model."""
-        return self.experiment.plan(self.name, self.dataset, self.segmenters)
+        """The trials of the study, model by model; those of an experiment of the user's own depend on its code.
+
+        Raises
+        ------
+        StudyError
+            if there are none
+        """
+        trials = self.experiment.plan(self.name, self.dataset, self.segmenters)
+        if not trials:
+            raise StudyError(f"{self.name}: there is nothing to run: {self._why_no_trials()}")
+        return [with_version(trial, self.experiment) for trial in trials]
+
+    def _why_no_trials(self) -> str:
+        n_models = len(self.dataset.models())
+        if not n_models:
+            return f"the dataset {self.dataset.name} has no models"
+        return (
+            f"the experiment {type(self.experiment).__name__} plans no trials for the "
+            f"{count_of(n_models, 'model')} of the dataset {self.dataset.name}"
+        )
 
     @property
     def full_title(self) -> str:
@@ -124,15 +148,17 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), subfolder: str = "
 
 
 def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Study:
-    from studies.reporting.publication import Publication
+    from studies.reporting.results import publication_of
 
     _check_general_options(cfg)
     name = check_name("study.name", cfg.study.name)
+    cfg = pass_to_experiment(cfg, overrides, (*_OTHER_GROUPS, *GENERAL_OPTIONS, "segmenters"))
     engine = _engine(_options(cfg, "engine"))
     if not cfg.dry_run:
         engine.warm_up()  # worker processes import what they need while this process plans
     dataset = make_dataset(_options(cfg, "dataset"))
     results_dir = Path(cfg.results_dir).expanduser()
+    record = _record(cfg)
     return Study(
         name=name,
         title=encodable(cfg.title),
@@ -146,8 +172,8 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], subfolder: str) -> Stu
         retry_failed=cfg.retry_failed,
         fresh=cfg.fresh,
         dry_run=cfg.dry_run,
-        publication=Publication.load(cfg.publication) if cfg.publication else None,
-        record=_record(cfg),
+        publication=publication_of(record),
+        record=record,
         command=encodable(command_of(overrides)),
     )
 
@@ -187,7 +213,19 @@ def command_of(overrides: Sequence[str]) -> str:
     import shlex
 
     kept = [option for option in overrides if not option.lstrip("+").startswith(INCIDENTAL)]
-    return f"python -m studies.run {shlex.join(kept)}"
+    return f"python -m studies.run {shlex.join([*kept, *_config_dir()])}"
+
+
+def _config_dir() -> list[str]:
+    """The flag with the user's own folder of configurations, relative to the current folder if it is inside."""
+    sources = HydraConfig.get().runtime.config_sources if HydraConfig.initialized() else ()
+    folders = [Path(source.path) for source in sources if source.provider == "command-line"]
+    here = Path.cwd()
+    return [
+        word
+        for folder in folders
+        for word in ("--config-dir", str(folder.relative_to(here) if folder.is_relative_to(here) else folder))
+    ]
 
 
 def _options(cfg: DictConfig, group: str) -> dict[str, Any]:
@@ -196,8 +234,15 @@ def _options(cfg: DictConfig, group: str) -> dict[str, Any]:
 
 
 def _experiment(options: Mapping[str, Any]) -> Experiment:
+    from studies.experiments.experiment import Experiment
+
     check_required("experiment", options, {"_target_": "my_package.MyExperiment"}, StudyError)
-    return construct("experiment", options, StudyError)
+    experiment = construct("experiment", options, StudyError)
+    if not isinstance(experiment, Experiment):
+        raise StudyError(
+            f"experiment._target_={options['_target_']} is not a subclass of studies.experiments.Experiment"
+        )
+    return experiment
 
 
 def _engine(options: Mapping[str, Any]) -> Engine:

@@ -5,10 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from studies.datasets import Model
+
+if TYPE_CHECKING:
+    from studies.experiments import Experiment
+    from studies.planning.trial import Trial
+
+TRIAL_ID_LENGTH = 24
+_THIS_PROJECT = "studies"
+
+AnyTrial = TypeVar("AnyTrial", bound="Trial")
 
 
 def digest(*parts: Any) -> str:
@@ -30,6 +41,40 @@ def digest_of_text(text: str) -> str:
 def fingerprint(model: Model) -> list[str]:
     """What determines a model: its content, and its name too, since one benchmark mesh has two numbers."""
     return [model.name, model.digest()]
+
+
+def with_version(trial: AnyTrial, experiment: Experiment) -> AnyTrial:
+    """A trial whose id also depends on what an experiment outside this project computes: on its version, or its code.
+
+    Parameters
+    ----------
+    trial : Trial
+    experiment : Experiment
+        which planned it
+
+    Returns
+    -------
+    Trial
+        the trial itself if experiment and trial are part of this project and declare no version
+    """
+    version = experiment.version
+    if version is None:
+        own = {_top(type(each)): type(each) for each in (experiment, trial) if _top(type(each)) != _THIS_PROJECT}
+        if not own:
+            return trial
+        version = _digest_of_packages(*own.values())
+    return replace(trial, trial_id=digest(trial.trial_id, version)[:TRIAL_ID_LENGTH])
+
+
+@lru_cache(maxsize=8)
+def _digest_of_packages(*targets: type) -> str:
+    """The digest of the code of some classes, which thousands of trials share."""
+    return digest(*map(digest_of_code, targets))
+
+
+def _top(target: type) -> str:
+    """The package, or the module outside packages, that defines a class."""
+    return target.__module__.partition(".")[0]
 
 
 def digest_of_code(target: Any) -> str:

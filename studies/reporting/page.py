@@ -8,7 +8,7 @@ from pathlib import Path
 from studies import storage
 from studies.reporting.publication import Publication
 from studies.reporting.results import CONFIG_FILE, Results
-from studies.reporting.text import markdown_of, markdown_table
+from studies.reporting.text import count_of, markdown_of, markdown_table
 
 HEADINGS = ("section", "claim", "paper", "ours", "95 % interval", "verdict", "study")
 
@@ -108,7 +108,7 @@ def _summary_sentence(study: Results) -> str:
     shows = study.publication.shows(study.name) if study.publication else ""
     where = f"Section {section}{f', {shows}' if shows else ''}. " if section else ""
     failed = f", {study.failures} of which failed" if study.failures else ""
-    return f"{where}{study.rows['model'].nunique()} models, {len(study.rows)} trials{failed}."
+    return f"{where}{count_of(study.rows['model'].nunique(), 'model')}, {count_of(len(study.rows), 'trial')}{failed}."
 
 
 def _title(study: Results) -> str:

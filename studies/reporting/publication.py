@@ -9,6 +9,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from studies.columns import Column, Published, Table
+from studies.experiments.experiment import PUBLISHED
 from studies.planning.errors import StudyError
 from studies.reporting.claims import Claim
 
@@ -25,10 +26,13 @@ class Publication:
     ----------
     data : mapping
         as in conf/paper/heat_walk_2011.yaml, whose comments explain it
+    is_own_method : bool
+        whether the publication's method, with its settings, is among those of the study
     """
 
-    def __init__(self, data: Mapping[str, Any]) -> None:
+    def __init__(self, data: Mapping[str, Any], is_own_method: bool = True) -> None:
         self._data = data
+        self._is_own_method = is_own_method
 
     @classmethod
     def load(cls, name: str) -> Publication:
@@ -46,6 +50,15 @@ class Publication:
         if name not in known:
             raise StudyError(f"publication is {name!r}: it must be null or one of {', '.join(known)}")
         return cls(yaml.safe_load(folder.joinpath(f"{name}.yaml").read_text("utf-8")))
+
+    def for_segmenters(self, options: Iterable[Mapping[str, Any]]) -> Publication:
+        """The publication for a study of segmenters with these options.
+
+        Its values are shown only if its own method with its own settings is among them.
+        """
+        method = self._data["segmenter"]
+        is_own = any(all(one.get(key, value) == value for key, value in method.items()) for one in options)
+        return Publication(self._data, is_own)
 
     @property
     def citation(self) -> str:
@@ -83,16 +96,20 @@ class Publication:
         """
         if "source" in table.frame and "method" in table.frame:
             return self._with_methods(table)
-        if not table.value:
+        if not table.value or PUBLISHED not in table.columns or not self._is_about(rows):
             return table
         name = self._data["column"]
         frame = table.frame.copy()
         values = [self._value(record, rows) for record in table.records()]
+        if all(map(math.isnan, values)) and not self._has_studies_of(rows):
+            return table
         position = list(frame.columns).index(table.published_before) if table.published_before else len(frame.columns)
         frame.insert(position, name, values)
         shown = next((column for column in table.columns if column.name == table.value), Column(name=table.value))
-        published = dataclasses.replace(shown, name=name, heading=name, bounds=None, help="Published value.")
-        columns = tuple(published if column.name == "published" else column for column in table.columns)
+        published = dataclasses.replace(
+            shown, name=name, heading=name, bounds=None, help=f"Value in {self._data['label']}."
+        )
+        columns = tuple(published if column == PUBLISHED else column for column in table.columns)
         notes = " ".join(filter(None, (table.notes, self._data["note"])))
         return table.replace(
             frame=frame, columns=columns, notes=notes, published=Published(name, str(self._data["label"]))
@@ -158,9 +175,19 @@ class Publication:
         """The published value for a row of a table, NaN if there is none."""
         return next((_number(_lookup(entry, record)) for entry in self._matching(record, rows)), math.nan)
 
+    def _has_studies_of(self, rows: pd.DataFrame) -> bool:
+        """Whether the publication has the study of these trials."""
+        return "study" not in rows or bool(rows["study"].isin(list(self._data["studies"])).any())
+
+    def _is_about(self, rows: pd.DataFrame) -> bool:
+        """Whether some of the trials are of the publication's method with its settings."""
+        return self._is_own_method and (
+            "segmenter" not in rows or bool((rows["segmenter"] == self._data["method"]).any())
+        )
+
     def _matching(self, record: Mapping[str, Any], rows: pd.DataFrame) -> Iterator[Mapping[str, Any]]:
         """The entries about a row of a table."""
-        if record.get("segmenter", self._data["method"]) != self._data["method"]:
+        if not self._is_about(rows) or record.get("segmenter", self._data["method"]) != self._data["method"]:
             return
         for entry in self._data["values"]:
             if (

@@ -90,7 +90,7 @@ class Results:
             title=f"{record['title']} on {dataset}",
             experiment=experiment,
             rows=rows,
-            publication=Publication.load(record["publication"]) if record.get("publication") else None,
+            publication=publication_of(record),
             command=command,
         )
 
@@ -128,6 +128,22 @@ class Results:
 
     def _repr_html_(self) -> str:
         return html_of(self.title, self.main_table)
+
+
+def publication_of(record: Mapping[str, Any]) -> Publication | None:
+    """The publication whose values are shown in the study of a stored configuration, if there is one."""
+    name = record.get("publication")
+    return Publication.load(name).for_segmenters(_segmenters(record)) if name else None
+
+
+def _segmenters(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The options of the segmenters of a stored configuration, as far as it contains them."""
+    single, several = record["segmenter"], record.get("segmenters")
+    if several is None:
+        return [single]
+    walk = {"_target_": "studies.segmenters.HeatWalk"}
+    named = {"heat_walk": single if single.get("_target_") == walk["_target_"] else walk}
+    return [one if isinstance(one, Mapping) else named.get(one, {"_target_": one}) for one in several]
 
 
 def _experiment(folder: Path, record: Mapping[str, Any]) -> Experiment:

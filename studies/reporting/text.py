@@ -15,6 +15,17 @@ if TYPE_CHECKING:
 MANY_COLUMNS = 8
 
 
+def count_of(number: int, noun: str, plural: str = "") -> str:
+    """A number and what it counts.
+
+    Examples
+    --------
+    >>> count_of(1, "trial"), count_of(1200, "trial"), count_of(2, "study", "studies")
+    ('1 trial', '1,200 trials', '2 studies')
+    """
+    return f"{number:,} {noun if number == 1 else plural or f'{noun}s'}"
+
+
 def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Lines of a Markdown table.
 
@@ -29,9 +40,24 @@ def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> li
     return ["| " + " | ".join(cells) + " |" for cells in lines]
 
 
-def markdown_page(title: str, table: Table) -> str:
-    """A page of Markdown: a title, the table and its notes."""
-    return "\n".join([f"# {title}", "", *markdown_of(table), "", table.notes, ""])
+def markdown_page(title: str, *tables: Table) -> str:
+    """A page of Markdown: a title, and every table with its notes and what its columns are.
+
+    Tables after the first have a heading of their own. Those that show no columns are left out.
+    """
+    lines = [f"# {title}"]
+    for i, table in enumerate(tables):
+        if table.visible():
+            heading = ["", f"## {table.title}"] if i else []
+            notes = ["", table.notes] if table.notes else []
+            lines += [*heading, "", *markdown_of(table), *notes, *_columns_of(table)]
+    return "\n".join([*lines, ""])
+
+
+def _columns_of(table: Table) -> list[str]:
+    """A list of what the columns of a table are."""
+    explained = [f"- {column.title}: {column.help}" for column in table.visible() if column.help]
+    return ["", *explained] if explained else []
 
 
 def markdown_of(table: Table) -> list[str]:

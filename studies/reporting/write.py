@@ -31,7 +31,7 @@ def write_tables(results: Results, console: Console) -> None:
         with atomic_write(folder / f"{name}.csv") as path:
             table.frame.to_csv(path, index=False, float_format="%.6g")
     with atomic_write(folder / "table.md") as path:
-        path.write_text(encodable(markdown_page(results.title, results.main_table)), "utf-8")
+        path.write_text(encodable(markdown_page(results.title, *tables.values())), "utf-8")
     for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
         drawing.save(drawing.draw(chart), folder / f"{stem}.png")
     print_table(results.title, results.main_table, console)

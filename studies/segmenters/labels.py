@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from heatwalk.meshes import face_areas
 
 LABELS_OF = ("auto", "vertices", "faces")
+CONVERSION = ", as np.array(labels, dtype=int) makes them"
 
 # Two areas are a tie if they differ by less than this, relative to the larger: the order of summation changes them by
 # less.
@@ -58,9 +59,10 @@ def labels_at_vertices(
     n_vertices, n_faces = len(vertices), len(faces)
     mesh = f"{n_vertices} vertices and {n_faces} faces"
     if labels.ndim != 1 or labels.dtype.kind not in "iu":
+        is_convertible = labels.ndim == 1 and labels.dtype.kind in "bf"
         raise LabelError(
             f"labels of shape {labels.shape} and type {labels.dtype} for {mesh}; "
-            "needed: one integer per vertex or per face"
+            f"needed: one integer per vertex or per face{CONVERSION if is_convertible else ''}"
         )
     counts = {"vertices": n_vertices, "faces": n_faces}
     if labels_of != "auto":

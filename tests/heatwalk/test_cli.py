@@ -12,6 +12,7 @@ import trimesh
 import heatwalk
 from heatwalk.cli import main
 from heatwalk.io import label_colours, read_mesh, read_seg
+from tests.helpers.mesh_files import OCTAHEDRON, off_bytes
 from tests.helpers.meshes import bundled_path
 
 ROOT = Path(heatwalk.__file__).parents[1]
@@ -99,6 +100,8 @@ def test_inspect_prints_the_report(capsys):
         "non-manifold edges": f"{report.n_nonmanifold_edges}",
         "degenerate faces": f"{report.n_degenerate_faces}",
         "duplicate faces": f"{report.n_duplicate_faces}",
+        "coincident vertices": f"{report.n_coincident_vertices}",
+        "nearly coincident": f"{report.n_nearly_coincident_vertices}",
         "watertight": "yes" if report.is_watertight else "no",
         "consistently oriented": "yes" if report.is_consistently_oriented else "no",
         "Euler characteristic": f"{report.euler_characteristic}",
@@ -130,7 +133,7 @@ def test_an_output_that_is_not_a_ply_file_is_rejected(output, capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["segment", "cow.obj", "--output", output])
     assert stopped.value.code == 2
-    assert f"argument --output: must end in .ply, got '{output}'" in capsys.readouterr().err
+    assert f"argument --output: must end in .ply, or be a folder, got '{output}'" in capsys.readouterr().err
 
 
 def test_an_output_folder_that_does_not_exist_is_rejected(in_empty_folder, capsys):
@@ -312,3 +315,19 @@ def test_a_full_disk_of_the_cache_is_done_without(tmp_path):
     )
     assert (process.returncode, process.stderr) == (0, "")
     assert "can be segmented" in process.stdout
+
+
+def test_all_meshes_of_a_folder_are_written_though_nobody_reads_on(tmp_path):
+    for name in "abc":
+        (tmp_path / f"{name}.off").write_bytes(off_bytes(OCTAHEDRON.vertices, OCTAHEDRON.faces))
+    code, _, error = script(["segment", tmp_path, tmp_path / "gone.off"], "| true")
+    assert code == 2
+    assert error.startswith(f"heatwalk: error: {tmp_path / 'gone.off'}: cannot be read: ")
+    assert len(list(tmp_path.glob("*_segments.seg"))) == 3
+
+
+def test_a_closed_output_is_done_without(tmp_path):
+    path = bundled_path("ant")
+    for arguments, expected in ((["inspect", path], 0), (["inspect", tmp_path / "gone.off"], 2), (["--version"], 0)):
+        code, _, error = script(arguments, ">&-")
+        assert (code, "Traceback" in error) == (expected, False)

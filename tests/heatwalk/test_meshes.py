@@ -175,6 +175,14 @@ def test_faces_that_all_repeat_a_corner_form_no_surface():
     assert not report.is_consistently_oriented
 
 
+def test_the_report_counts_vertices_that_coincide_exactly_and_nearly():
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 1e-9], [1, 1, 0]])
+    report = inspect_mesh(vertices, [[0, 1, 2], [3, 5, 4]])
+    assert (report.n_coincident_vertices, report.n_nearly_coincident_vertices) == (2, 2)
+    report = inspect_mesh(vertices[[0, 1, 2, 5]], [[0, 1, 2], [1, 3, 2]])
+    assert (report.n_coincident_vertices, report.n_nearly_coincident_vertices) == (0, 0)
+
+
 @pytest.mark.parametrize("n_vertices", [9, 2**21, 2**40])
 def test_repeated_faces_are_those_of_the_same_corners_as_an_earlier_one(n_vertices):
     rng = np.random.default_rng(2)

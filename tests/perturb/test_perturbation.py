@@ -12,6 +12,7 @@ import pytest
 import trimesh
 from omegaconf import OmegaConf
 from scipy.cluster.hierarchy import DisjointSet
+from trimesh.caching import tracked_array
 
 import perturb
 from perturb import PerturbationError
@@ -244,8 +245,9 @@ def test_the_shipped_config_names_every_field_with_its_default(path):
     assert level == dataclasses.replace(perturbation, amount=perturbation.neutral)
 
 
-def test_every_perturbation_ships_a_config(own_registry):
-    assert [path.stem for path in CONFIGS] == perturb.names()
+def test_every_shipped_perturbation_has_a_config_and_every_config_a_perturbation(own_registry):
+    configured = {path.stem for path in CONFIGS}
+    assert set(SHIPPED) <= configured <= set(perturb.names())
 
 
 @pytest.fixture(scope="module")
@@ -272,6 +274,14 @@ def test_facts_that_are_numpy_scalars_become_plain_numbers(own):
     applied = own.Shift(2.0)(mesh, rng()).applied
     assert type(applied["shift"]) is float
     assert applied["shift"] == 2 * perturb.LENGTHS["mean_edge_length"](mesh)
+
+
+def test_arrays_of_trimesh_are_counterparts_too(own):
+    mesh = bundled("ant")
+    numbers = tracked_array(np.arange(len(mesh.vertices)))
+    result = own.Shift().finish(mesh, mesh.copy(), numbers, largest=mesh.vertices.max())
+    assert type(result.counterpart) is np.ndarray
+    assert type(result.applied["largest"]) is float
 
 
 def test_a_name_that_belongs_to_another_class_is_refused(own_registry):

@@ -1,11 +1,16 @@
 """What the options of a run do: fresh, retry_failed, on_error, dry_run; and what is reused from other studies."""
 
+import dataclasses
 import json
+from pathlib import Path
 
 import pandas as pd
 import pytest
 
+from studies.columns import Column
 from studies.execution.study import run_study
+from studies.experiments import Change
+from studies.metrics import Metric, registry
 from tests.studies.conftest import STUDY
 from tests.studies.test_survival import FOLDER, rows, table
 
@@ -101,3 +106,57 @@ def test_in_a_fresh_clone_the_studys_own_table_holds_its_rows(study, here, capsy
     assert study("repeats=2")
     assert f"4 of them reused from results/{FOLDER}/trials.parquet" in said(capsys)
     assert before == {name: (results / name).read_bytes() for name in before}
+
+
+METRIC = Metric(
+    column=Column(name="agreeing", format="d", dtype="Int64", help="Points whose labels agree.", compact=True),
+    function=lambda comparison: int((comparison.reference == comparison.labels).sum()),
+)
+
+
+@pytest.fixture
+def add_metric(monkeypatch):
+    """A function: a metric -> it is registered until the end of the test."""
+
+    def add(metric):
+        found = dict(registry._discovered()) | {metric.column.name: metric}
+        monkeypatch.setattr(registry, "_discovered", lambda: found)
+        monkeypatch.setattr(Change, "columns", registry.columns())
+
+    return add
+
+
+@pytest.mark.parametrize("metric", [METRIC, dataclasses.replace(METRIC, needs_mesh=True)])
+def test_rows_that_are_older_than_a_metric_are_counted_and_shown_without_it(study, add_metric, capsys, metric):
+    assert study("repeats=1", "levels=[0.1]")
+    assert "computed before" not in said(capsys)
+    add_metric(metric)
+    assert study("repeats=1", "levels=[0.1]")
+    assert "1 row was computed before the metric agreeing was added: fresh=true computes all rows again" in said(capsys)
+    assert study("repeats=1", "levels=[0.1,0.2]")
+    out = said(capsys)
+    assert "1 row was computed before" in out
+    assert rows()["agreeing"].notna().tolist() == [False, True]
+    page = (Path("results") / FOLDER / "table.md").read_text(encoding="utf-8").splitlines()
+    column = page[2].split(" | ").index("agreeing")
+    assert [line.split(" | ")[column] == "–" for line in page[4:6]] == [True, False]
+    assert study("repeats=1", "levels=[0.1,0.2]", "fresh=true")
+    assert "computed before" not in said(capsys)
+    assert rows()["agreeing"].notna().all()
+
+
+def test_a_compact_metric_of_integers_is_on_the_terminal_with_its_mean(study, add_metric, capsys):
+    add_metric(METRIC)
+    assert study("repeats=2", "levels=[0.1]")
+    out = said(capsys)
+    assert "agreeing" in out
+    assert f"{rows()['agreeing'].mean():.1f}" in out
+    assert "Rand" not in out  # it is not compact
+
+
+def test_a_trial_and_a_row_are_counted_in_the_singular(study, here, capsys):
+    (here / "broken").touch()
+    assert not study("repeats=1", "levels=[0.1]")
+    out = said(capsys)
+    assert "Normal noise on files: 1 trial " in out
+    assert "1 of 1 trial failed" in out

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -213,6 +214,53 @@ def test_help_lists_what_there_is(tmp_path):
     assert done.returncode == 0
     for word in ("decimation, holes, missing_parts", "bundled, custom, files, psb", "+study=NAME", "repeats: 3"):
         assert word in done.stdout
+
+
+def test_help_calls_a_group_as_its_option_is_called(tmp_path):
+    done = typed(tmp_path, "--help")
+    assert "  publication: heat_walk_2011\n" in done.stdout
+    assert "  study: anatomy, custom, " in done.stdout
+    assert "paper:" not in done.stdout
+
+
+OWN_STUDY = """
+# @package _global_
+study:
+  name: own
+title: Own
+axis: scale
+levels: [2]
+repeats: 1
+perturbation:
+  _target_: perturb.Scaling
+segmenter:
+  _target_: tests.helpers.segmenting.halves
+"""
+
+
+def test_a_study_in_a_folder_of_the_user_runs_and_says_how_to_run_it_again(folder):
+    (folder / "conf" / "study").mkdir(parents=True)
+    (folder / "conf" / "study" / "own.yaml").write_text(OWN_STUDY)
+    done = typed(folder, "--config-dir", "conf", "+study=own", *ANT)
+    assert done.returncode == 0, done.stderr
+    results = folder / "results" / "own" / "files"
+    assert "paper" not in (results / "table.csv").read_text()
+    assert "aper" not in (results / "table.md").read_text()
+    command = json.loads((results / "provenance.json").read_text())["command"]
+    assert command.endswith(" --config-dir conf")
+    again = typed(folder, *shlex.split(command)[3:])
+    assert "1 of them stored already" in again.stdout
+
+
+def test_a_study_that_has_nothing_to_run_is_a_mistake(folder):
+    (folder / "empty.py").write_text(
+        "from studies.datasets import Dataset\n"
+        "class Empty(Dataset):\n    name = 'empty'\n    def models(self):\n        return []\n"
+    )
+    done = typed(folder, "+study=holes", "dataset=custom", "dataset._target_=empty.Empty")
+    assert done.returncode == 2
+    assert done.stderr == "studies.run: error: holes: there is nothing to run: the dataset empty has no models\n"
+    assert not (folder / "results").exists()
 
 
 @pytest.mark.parametrize(

@@ -99,3 +99,34 @@ def test_a_polygon_without_area_or_with_infinite_corners_is_left_to_the_checks_o
     ):
         mesh = read_bytes(tmp_path, encode(np.array(corners, dtype=float), [[0, 1, 2, 3]]), suffix)
         assert mesh.faces.tolist() == [[0, 1, 2], [2, 3, 0]]
+
+
+CROSSING = {
+    "bow-tie": [[0, 0], [1, 1], [1, 0], [0, 1]],
+    "bow-tie of two sizes": [[0, 0], [3, 3], [3, 0], [0, 1]],
+    "pentagram": [[np.cos(4 * np.pi * i / 5), np.sin(4 * np.pi * i / 5)] for i in range(5)],
+    "folded band": [[0, 0], [4, 0], [4, 1], [2, -1], [1, 2], [0, 1]],
+}
+
+
+@pytest.mark.parametrize("fmt", POLYGON_FORMATS)
+@pytest.mark.parametrize("name", CROSSING)
+def test_a_polygon_that_crosses_itself_becomes_a_fan_with_a_note(tmp_path, fmt, name):
+    suffix, encode = FORMATS[fmt]
+    size = len(CROSSING[name])
+    crossing = np.column_stack([CROSSING[name], np.zeros(size)]) @ rotation(np.random.default_rng(5))
+    vertices = np.vstack([crossing, crossing + 10])
+    mesh = read_bytes(tmp_path, encode(vertices, [list(range(size))]), suffix)
+    assert mesh.faces.tolist() == ([[0, 1, 2], [2, 3, 0]] if size == 4 else [[0, i, i + 1] for i in range(1, size - 1)])
+    assert "1 face crosses itself: it became a fan, whose triangles overlap" in mesh.notes
+    twice = read_bytes(tmp_path, encode(vertices, [list(range(size)), list(range(size, 2 * size))]), suffix)
+    assert "2 faces cross themselves: they became fans, whose triangles overlap" in twice.notes
+
+
+@pytest.mark.parametrize("name", CONCAVE)
+def test_a_concave_polygon_is_not_said_to_cross_itself(tmp_path, name):
+    suffix, encode = FORMATS["off"]
+    rng = np.random.default_rng(9)
+    vertices = np.column_stack([CONCAVE[name], 0.01 * rng.standard_normal(len(CONCAVE[name]))]) @ rotation(rng)
+    mesh = read_bytes(tmp_path, encode(vertices, [list(range(len(vertices)))]), suffix)
+    assert not [note for note in mesh.notes if "cross" in note]

@@ -1,3 +1,6 @@
+import bz2
+import gzip
+import lzma
 import re
 import warnings
 
@@ -71,6 +74,39 @@ def test_vertices_without_faces_are_dropped_with_a_note_and_the_others_keep_thei
 def test_suffixes_in_upper_case_and_paths_as_strings_are_accepted(tmp_path):
     (tmp_path / "A.OFF").write_bytes(off_bytes(*TETRAHEDRON))
     assert is_mesh(read_mesh(str(tmp_path / "A.OFF")), *TETRAHEDRON)
+
+
+COMPRESSIONS = {".gz": gzip.compress, ".bz2": bz2.compress, ".xz": lzma.compress}
+
+
+@every_format
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_a_compressed_file_is_read_as_what_it_contains(tmp_path, suffix, encode, compression):
+    data = encode(*TETRAHEDRON)
+    plain = read_bytes(tmp_path, data, suffix)
+    for name in (suffix + compression, (suffix + compression).upper()):
+        mesh = read_bytes(tmp_path, COMPRESSIONS[compression](data), name)
+        assert is_mesh(mesh, plain.vertices, plain.faces)
+        assert mesh.notes == plain.notes
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_a_damaged_compressed_file_is_an_error_that_says_so(tmp_path, compression):
+    data = COMPRESSIONS[compression](off_bytes(*TETRAHEDRON))
+    for broken in (data[: len(data) // 2], b"OFF" + data[3:], data[:-9]):
+        with pytest.raises(MeshError, match=f"cannot be decompressed as {re.escape(compression)}, or is truncated: "):
+            read_bytes(tmp_path, broken, f".off{compression}")
+    for empty in (b"", COMPRESSIONS[compression](b"")):
+        with pytest.raises(MeshError, match="the file is empty"):
+            read_bytes(tmp_path, empty, f".off{compression}")
+
+
+@pytest.mark.parametrize("name", ["cat.dae", "cat.off.zip", "cat.gz", "cat", "off.gz", "cat.off.gz.gz", ".off"])
+def test_another_suffix_is_refused_with_those_that_can_be_read(tmp_path, name):
+    (tmp_path / name).write_bytes(off_bytes(*TETRAHEDRON))
+    message = r"unknown suffix '.*'; supported: \.off, \.obj, .*, \.msh, each also with \.gz, \.bz2, \.xz after it"
+    with pytest.raises(MeshError, match=message):
+        read_mesh(tmp_path / name)
 
 
 @every_format

@@ -65,3 +65,11 @@ def test_stl_files_are_read_however_they_are_laid_out(tmp_path, data):
 def test_a_broken_stl_file_is_rejected_with_what_is_wrong_and_where(tmp_path, data, message):
     with pytest.raises(MeshError, match=f"mesh.stl: {message}$"):
         read_bytes(tmp_path, data, ".stl")
+
+
+@pytest.mark.parametrize("name", ["my facet normal test", "facet outer loop", "endsolid facet normal 1 2 3"])
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+def test_a_solid_whose_name_looks_like_a_facet_is_read(tmp_path, name, line_end):
+    text = stl_text_bytes(*TETRAHEDRON).decode().replace("solid thing", f"solid {name}") * 2
+    mesh = read_bytes(tmp_path, text.replace("\n", line_end).encode(), ".stl")
+    assert (len(mesh.vertices), len(mesh.faces)) == (4, 8)

@@ -134,5 +134,30 @@ def test_options_that_describe_no_dataset_are_refused(overrides, message, mine):
 
 
 def test_options_of_the_default_dataset_are_not_those_of_ones_own(mine):
-    with pytest.raises(DatasetError, match=r"'models'; .* the options of dataset=custom"):
-        dataset("+dataset=bundled", "dataset._target_=my_shapes.Prisms")
+    with pytest.raises(DatasetError, match=r"'root'; .* the options of dataset=custom"):
+        dataset("+dataset=tosca", "dataset._target_=my_shapes.Prisms")
+
+
+@pytest.mark.parametrize("group", ["custom", "bundled"])
+def test_models_of_a_dataset_of_ones_own_can_be_selected(mine, group):
+    own = ("+dataset=" + group, "dataset._target_=my_shapes.Prisms", "+dataset.heights=[3,5,8]")
+    assert [model.name for model in dataset(*own).models()] == ["prism3", "prism5", "prism8"]
+    some = dataset(*own, "dataset.models=[prism8,prism3]")
+    assert [model.name for model in some.models()] == ["prism3", "prism8"]
+    assert some.name == dataset(*own).name
+    with pytest.raises(DatasetError, match=r"the dataset \w+ does not have the models cube; it has prism3, prism5"):
+        dataset(*own, "dataset.models=[prism3,cube]").models()
+    with pytest.raises(DatasetError, match=r"dataset\.models=prism3 must be a list"):
+        dataset(*own, "dataset.models=prism3")
+
+
+def test_a_dataset_of_ones_own_that_has_an_option_models_selects_them_itself(mine, own_modules):
+    (own_modules / "my_solids.py").write_text(
+        "from my_shapes import Prisms\n"
+        "class Solids(Prisms):\n"
+        "    def __init__(self, models=('tall',)):\n"
+        "        super().__init__([{'tall': 9, 'flat': 1}[name] for name in models])\n"
+    )
+    own = ("+dataset=custom", "dataset._target_=my_solids.Solids")
+    assert [model.name for model in dataset(*own).models()] == ["prism9"]
+    assert [model.name for model in dataset(*own, "dataset.models=[flat]").models()] == ["prism1"]

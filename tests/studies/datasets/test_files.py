@@ -1,3 +1,4 @@
+import gzip
 import hashlib
 import pickle
 
@@ -132,3 +133,39 @@ def test_welding_gives_other_models_and_leaves_those_without_it_as_they_were(tmp
     assert len(near.load().faces) == len(ant.faces)
     with pytest.raises(DatasetError, match=r"^dataset.weld='near' must be 'exact' or a positive number below 1"):
         Files(str(tmp_path), weld="near")
+
+
+def test_files_of_every_format_are_found_compressed_or_not(tmp_path):
+    off = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
+    for name in ("a.glb", "b.GLTF", "c.3mf", "d.vtk", "e.vtp", "f.vtu", "g.msh", "h.obj.bz2", "k.txt.gz", "l.zip"):
+        (tmp_path / name).touch()
+    for name in ("i.1.off.gz", "j.OFF.GZ"):
+        (tmp_path / name).write_bytes(gzip.compress(off.encode()))
+    assert [model.name for model in Files(str(tmp_path)).models()] == [*"abcdefgh", "i.1", "j"]
+    for pattern in ("*.off.gz", "*.OFF.gz", "*.gz"):
+        models = Files(f"{tmp_path}/{pattern}").models()
+        assert [model.name for model in models] == ["i.1", "j"]
+        assert len(models[0].load().faces) == 4
+    (tmp_path / "j.off").write_text(off)
+    with pytest.raises(DatasetError, match=r"would both be the model 'j'; give a pattern that matches one of them"):
+        Files(str(tmp_path)).models()
+
+
+def test_the_digest_of_a_gltf_file_is_also_that_of_its_buffers(tmp_path):
+    path = tmp_path / "a.gltf"
+    path.write_text('{"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin", "byteLength": 1}]}')
+    digests = set()
+    for data in (None, b"1", b"2"):
+        if data:
+            (tmp_path / "a.bin").write_bytes(data)
+        digests.add(Files(str(tmp_path)).models()[0].digest())
+    assert len(digests) == 3
+
+
+def test_models_can_be_selected_by_name(tmp_path):
+    for name in ("a.off", "cats/tom.off", "cats/kit.off"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert [model.name for model in Files(str(tmp_path), models=["cats/tom", "a"]).models()] == ["a", "cats/tom"]
+    with pytest.raises(DatasetError, match="does not have the models b; it has a, cats/kit, cats/tom"):
+        Files(str(tmp_path), models=["b"]).models()

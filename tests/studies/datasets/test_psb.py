@@ -1,3 +1,4 @@
+import gzip
 import hashlib
 import pickle
 import zipfile
@@ -207,3 +208,17 @@ def test_welded_models_keep_their_faces_and_have_another_digest(small):
     assert plain.digest() == hashlib.sha256(off.encode()).hexdigest() != welded.digest()
     with pytest.raises(DatasetError, match=r"^dataset.weld=2 must be 'exact'"):
         PSB(small, weld=2)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_compressed_models_are_found_and_two_files_of_one_model_refused(small, packed):
+    off = next(small.rglob("2.off"))
+    (off.parent / "2.OFF.gz").write_bytes(gzip.compress(off.read_bytes()))
+    off.unlink()
+    root = as_zip(small, small.with_suffix(".zip")) if packed else small
+    model = PSB(root, models=[2]).models()[0]
+    assert len(model.load().faces) == 4
+    assert model.digest() == hashlib.sha256((off.parent / "2.OFF.gz").read_bytes()).hexdigest()
+    (off.parent / "2.obj").touch()
+    with pytest.raises(DatasetError, match=r"has model 2 both as 2\.OFF\.gz and as 2\.obj; keep one of them"):
+        PSB(small).models()

@@ -1,3 +1,4 @@
+import gzip
 import hashlib
 import itertools
 import pickle
@@ -289,3 +290,28 @@ def test_missing_data_are_an_error_that_lists_the_expected_files_and_what_to_typ
             TOSCA(root).models()
         for part in ("cat0.mat", "cat0.tri", "corres/cat0.vts", "dataset.root=PATH", "TOSCA_ROOT", str(root or "")):
             assert part in str(error.value)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_suffixes_in_upper_case_and_compressed_poses_are_found(small, packed):
+    poses = next(small.rglob("cat2.off")).parent
+    (poses / "cat2.off").rename(poses / "cat2.OFF")
+    (poses / "cat10.off.GZ").write_bytes(gzip.compress((poses / "cat10.off").read_bytes()))
+    (poses / "cat10.off").unlink()
+    lists = poses / "corres"
+    if lists.is_dir():
+        for file in list(lists.iterdir()):
+            file.rename(file.with_suffix(".VTS"))
+    root = as_zip(small, small.with_suffix(".zip")) if packed else small
+    models = {model.name: model for model in TOSCA(root).models()}
+    assert {"cat2", "cat10"} <= models.keys()
+    for name in ("cat2", "cat10"):
+        assert len(models[name].load().faces) == 4
+        assert len(models[name].digest()) == 64
+        assert len(models[name].correspondence())
+
+
+def test_a_pose_as_text_is_found_by_a_suffix_in_upper_case(tmp_path):
+    np.savetxt(tmp_path / "dog0.VERT", np.eye(4)[:, :3])
+    np.savetxt(tmp_path / "dog0.Tri", [[1, 2, 3], [2, 3, 4]], "%d")
+    assert len(TOSCA(tmp_path).models()[0].load().faces) == 2

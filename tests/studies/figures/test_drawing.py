@@ -10,7 +10,16 @@ from matplotlib.text import Text
 from PIL import Image
 
 from studies.columns import Column, Table
-from studies.figures.charts import Chart, level_curve, method_scores, pair_matrices, segment_counts
+from studies.figures.charts import (
+    Axis,
+    Chart,
+    Panel,
+    Series,
+    level_curve,
+    method_scores,
+    pair_matrices,
+    segment_counts,
+)
 from studies.figures.drawing import NO_CHANGE, NOTHING, draw, save
 from studies.figures.style import PUBLISHED_MARKERS, SUBTITLE, TITLE, TWO_COLUMNS
 from tests.studies.figures.samples import CHARTS, INTERVALS, level_table, rows_of_levels, rows_of_times
@@ -278,3 +287,31 @@ def test_names_of_any_length_and_script_leave_the_figure_whole(names, tmp_path):
             assert box.x1 <= figure.bbox.width + 1
         assert min(axes.get_window_extent().width for axes in figure.axes) > 5
         save(figure, tmp_path / "names.png")
+
+
+def logarithmic(x, ticks=(), y=None):
+    line = Series("mean", x=tuple(x), y=tuple(y or range(1, len(x) + 1)))
+    return draw(Chart("Times", (Panel(Axis("time", ticks, logarithmic=True), Axis("n"), series=(line,)),))).axes[0]
+
+
+@pytest.mark.parametrize(
+    ("x", "labels"),
+    [
+        ([0.6, 0.75, 0.9], ["0.6", "0.75", "0.9"]),
+        ([12.0, 17.0], ["12", "17"]),
+        ([3.0], ["3"]),
+        ([0.5, 3.0, 30.0], ["0.5", "1", "2", "5", "10", "20"]),
+    ],
+)
+def test_a_logarithmic_axis_labels_every_level_unless_round_numbers_suffice(x, labels):
+    axes = logarithmic(x)
+    assert axes.get_xscale() == "log"
+    assert [text.get_text() for text in axes.get_xticklabels()] == labels
+    assert [text.get_text() for text in logarithmic(x, tuple(x)).get_xticklabels()] == [f"{each:g}" for each in x]
+
+
+def test_levels_of_a_logarithmic_axis_that_are_crowded_are_labelled_where_there_is_room():
+    axes = logarithmic([1 + i / 50 for i in range(50)], tuple(1 + i / 50 for i in range(50)))
+    labels = [text.get_text() for text in axes.get_xticklabels()]
+    assert all(labels)
+    assert 3 < len(labels) < 30

@@ -75,11 +75,20 @@ def test_comparing_computes_every_metric_of_the_two_segmentations():
 def test_a_file_in_the_package_adds_a_column_after_the_shipped_ones(added):
     before = list(metrics.registered())
     added("a_purity", PURITY)
-    assert list(metrics.registered())[:4] == [*SHIPPED, "purity"]
-    assert set(metrics.registered()) == {*before, "purity"}
+    after = list(metrics.registered())
+    assert after[:3] == SHIPPED
+    assert after.index("purity") > 2
+    assert [name for name in after if name != "purity"] == before
     values = metrics.compare(Comparison(np.array([0, 0, 1, 1]), np.array([0, 0, 0, 1])))
     assert values["purity"] == 0.75
-    assert metrics.columns()[3].lower_is_better is False
+    assert metrics.columns()[after.index("purity")].lower_is_better is False
+
+
+def test_metrics_after_the_shipped_ones_are_in_the_order_of_their_files(added):
+    added("b_purity", PURITY)
+    added("a_coverage", PURITY.replace("purity", "coverage"))
+    names = list(metrics.registered())
+    assert names.index("coverage") < names.index("purity")
 
 
 def test_a_metric_that_needs_a_mesh_is_missing_without_one(added):
@@ -93,6 +102,21 @@ def test_two_metrics_of_one_column_are_an_error_that_names_both_files(added):
     added("purity", PURITY)
     added("zzz", PURITY)
     with pytest.raises(ValueError, match=r"'purity' is defined twice, in studies/metrics/purity\.py and zzz\.py"):
+        metrics.registered()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ('dtype="int64"', "dtype int64; it must be one that can hold the missing values of trials that fail: float64"),
+        ('dtype="number"', "has the dtype number; it must be one"),
+        ('template="{purity:.2f}"', "has a template"),
+        ('unit="%", dtype="string"', "the format '.3f' cannot show 'x'"),
+    ],
+)
+def test_a_column_that_could_not_be_stored_or_shown_is_an_error_that_names_it_and_its_file(added, change, message):
+    added("purity", PURITY.replace('help="Purity."', f'help="Purity.", {change}'))
+    with pytest.raises(ValueError, match=rf"the column 'purity' in studies/metrics/purity\.py.*{message}"):
         metrics.registered()
 
 

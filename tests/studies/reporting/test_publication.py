@@ -6,6 +6,7 @@ from studies.columns import Column, Table
 from studies.experiments.experiment import PUBLISHED
 from studies.reporting.claims import Claim
 from studies.reporting.publication import Publication
+from studies.reporting.results import publication_of
 from studies.reporting.text import markdown_page
 
 
@@ -50,6 +51,55 @@ def test_another_level_part_perturbation_or_method_has_no_published_value(public
     annotated = publication.annotate(shown, of)
     assert annotated.frame["paper"].isna().all()
     assert publication.claims([annotated], of) == []
+
+
+@pytest.mark.parametrize(
+    ("segmenters", "own"),
+    [
+        ([{"_target_": "studies.segmenters.HeatWalk", "time": 1.0}], True),
+        ([{"_target_": "studies.segmenters.HeatWalk", "time": 1, "time_unit": "fiedler"}], True),  # another reading
+        ([{"_target_": "studies.segmenters.HeatWalk"}], True),
+        ([{"_target_": "studies.segmenters.HeatWalk", "time": 0.5}], False),
+        ([{"_target_": "my_package.my_method", "k": 4}], False),
+        ([{"_target_": "my_package.my_method"}, {"_target_": "studies.segmenters.HeatWalk"}], True),
+    ],
+)
+def test_published_values_are_next_to_the_publications_own_method_with_its_settings_alone(publication, segmenters, own):
+    annotated = publication.for_segmenters(segmenters).annotate(table(), rows())
+    assert ("paper" in annotated.frame) is own
+    assert annotated.notes.startswith("Notes. Paper: ") is own
+    assert bool(publication.for_segmenters(segmenters).claims([annotated], rows())) is own
+
+
+def test_a_study_of_another_segmenter_has_neither_published_values_nor_a_note(publication):
+    of = rows().assign(segmenter="my_method")
+    annotated = publication.annotate(table(), of)
+    assert list(annotated.frame) == list(table().frame)
+    assert annotated.notes == "Notes."
+    assert annotated.published is None
+    assert publication.claims([annotated], of) == []
+
+
+def test_a_table_without_a_column_for_published_values_stays_as_it_is(publication):
+    own = table().replace(columns=table().columns[:2])
+    assert publication.annotate(own, rows()) is own
+
+
+@pytest.mark.parametrize(
+    ("record", "own"),
+    [
+        ({"segmenter": {"_target_": "studies.segmenters.HeatWalk", "time": 1.0}}, True),
+        ({"segmenter": {"_target_": "studies.segmenters.HeatWalk", "time": 2.0}}, False),
+        ({"segmenter": {"_target_": "my.method"}, "segmenters": ["heat_walk", "my.other"]}, True),
+        ({"segmenter": {"_target_": "studies.segmenters.HeatWalk", "time": 2}, "segmenters": ["heat_walk"]}, False),
+        ({"segmenter": {"_target_": "studies.segmenters.HeatWalk"}, "segmenters": ["slabs", "my.other"]}, False),
+        ({"segmenter": {}, "segmenters": [{"_target_": "studies.segmenters.HeatWalk", "time": 3}]}, False),
+    ],
+)
+def test_a_stored_configuration_tells_whether_the_publications_method_was_run(record, own):
+    found = publication_of(record | {"publication": "heat_walk_2011"})
+    assert ("paper" in found.annotate(table(), rows()).frame) is own
+    assert publication_of(record | {"publication": None}) is None
 
 
 def test_without_a_publication_there_is_no_column():
