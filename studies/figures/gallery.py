@@ -163,7 +163,7 @@ class GalleryPicture(Picture):
         from studies.figures.layout import lay_out  # loads matplotlib, which no worker needs
 
         rows = [row for trials, strips in zip(self.chosen, results, strict=True) for row in self._rows(trials, strips)]
-        axis = ""
+        axis = "the last level of each part"
         if len(self.axes) == 1:
             units = " and ".join(self.rows["unit"].unique()).replace("_", " ")
             axis = f"{next(iter(self.axes.values()))} ({units})"

@@ -135,7 +135,7 @@ def test_a_model_whose_name_is_a_number_is_labelled_with_its_category():
 def test_variants_of_several_parts_are_captioned_by_part_and_rows_of_several_segmenters_by_segmenter():
     lines = choose_trials(plan("a", [2], ("big_holes", "noise"), ("walk", "cuts")), None, 1, 1)
     _, subtitle, texts = drawn(lines, {"big_holes": "removed", "noise": "noise"})
-    assert subtitle == "CP: Change Percentage"
+    assert subtitle == "the last level of each part; CP: Change Percentage"
     captions = ["original", "big holes 2:\nCP 2.3 %", "noise 2:\nCP 2.3 %"]
     assert texts == ["a, walk", *captions, "a, cuts", *captions]
 
