@@ -284,6 +284,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
     from heatwalk.io import write_ply, write_seg
     from heatwalk.io.seg import seg_bytes
     from heatwalk.meshes import MeshError
+    from heatwalk.numerics.compilation import announced
     from heatwalk.segmentation import segment
     from heatwalk.spectrum import SpectrumError
 
@@ -299,7 +300,8 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
             f"{foreign}: exists, and this command did not write it; choose another --output, or overwrite it by --force"
         )
     try:
-        segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
+        with announced(_announce_compilation):
+            segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
     except (MeshError, SpectrumError) as error:
         return f"{path}: {error}"
     except MemoryError:
@@ -320,6 +322,11 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
     _print_segments(segmentation)
     print(f"written: {output}, {labels_output}")
     return None
+
+
+def _announce_compilation() -> None:
+    """Say why the first segmentation takes longer than all others."""
+    print("heatwalk: compiling, which takes about half a minute, once", file=sys.stderr, flush=True)
 
 
 def _digest_comment(labels: bytes) -> str:
@@ -357,7 +364,8 @@ def _print_segments(segmentation: "Segmentation") -> None:
         print(f"{name:>12}  {sizes[label]:>10,}  {sizes[label] / n_vertices:>6.1%}")
     if n_segments > _MAX_ROWS:
         print(f"{'…':>12}  {n_segments - _MAX_ROWS:>10,} smaller segments")
-    print("\nseconds: " + ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in segmentation.seconds.items()))
+    seconds = {stage: seconds for stage, seconds in segmentation.seconds.items() if seconds or stage != "compilation"}
+    print("\nseconds: " + ", ".join(f"{stage} {taken:.2f}" for stage, taken in seconds.items()))
 
 
 def _inspect(arguments: argparse.Namespace) -> int:

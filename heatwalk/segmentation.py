@@ -53,7 +53,8 @@ class Segmentation:
     fiedler_time : float
         standard time multiplied by the smallest positive eigenvalue: dimensionless, independent of the area
     seconds : dict
-        wall-clock seconds per stage: operator (including the check of the mesh), spectrum, walk, dissipators
+        wall-clock seconds per stage: compilation (0 once the inner loops are in numba's cache), operator (including the
+        check of the mesh), spectrum, walk, dissipators
     """
 
     labels: NDArray[np.int64]
@@ -211,12 +212,12 @@ def segment_at_times(
     if density not in DENSITIES:
         raise ValueError(f"density must be one of {', '.join(DENSITIES)}, got {density!r}")
 
-    start = clock.perf_counter()
+    stopwatch = _Stopwatch()
     vertices, faces = check_mesh(vertices, faces)
     surface = faces[~repeats_earlier_face(faces)]
     stiffness, mass = stiffness_and_mass(unit_area(vertices, surface), surface)
     component = vertex_components(len(vertices), faces)
-    assembled = clock.perf_counter()
+    shared_seconds = {"operator": stopwatch.lap()}
 
     solver = SpectrumSolver(stiffness, mass, component)
     del stiffness
@@ -226,11 +227,48 @@ def segment_at_times(
         standard_times = [time * (PAPER_TIME if time_unit == "paper" else 1.0) for time in times]
     spectrum = solver.up_to(largest_eigenvalue(min(standard_times)))
     del solver  # the factor is larger than everything that follows
-    shared_seconds = {"operator": assembled - start, "spectrum": clock.perf_counter() - assembled}
+    shared_seconds["spectrum"] = stopwatch.lap()
+    shared_seconds["compilation"] = stopwatch.compilation
     weights = mass if density == "area" else None
     return (
         _segment_at_time(faces, spectrum, time, weights, split_dissipators, shared_seconds) for time in standard_times
     )
+
+
+def compile_ahead() -> None:
+    """Compile what `segment` needs, or load it from numba's cache, so that the next call is as fast as all others.
+
+    Examples
+    --------
+    >>> compile_ahead()
+    """
+    # A bent torus: without symmetry, and too large for the dense eigensolver.
+    n = 20
+    i, j = np.divmod(np.arange(n * n), n)
+    u, v = 2 * np.pi * i / n, 2 * np.pi * j / n
+    ring = 2 + (0.5 + 0.2 * np.sin(u)) * np.cos(v)
+    vertices = np.column_stack([1.3 * ring * np.cos(u), ring * np.sin(u), 0.6 * np.sin(v) + 0.3 * np.cos(u)])
+    right, up, across = i * n + (j + 1) % n, (i + 1) % n * n + j, (i + 1) % n * n + (j + 1) % n
+    corners = np.arange(n * n)
+    segment(vertices, np.vstack([np.column_stack([corners, up, across]), np.column_stack([corners, across, right])]))
+
+
+class _Stopwatch:
+    """Wall-clock seconds of one stage after the other, and those that compiling took, which belong to no stage."""
+
+    def __init__(self) -> None:
+        from heatwalk.numerics.compilation import seconds_compiled  # imports numba
+
+        self.compilation = 0.0
+        self._seconds_compiled = seconds_compiled
+        self._compiled, self._start = seconds_compiled(), clock.perf_counter()
+
+    def lap(self) -> float:
+        """Seconds since the last call, without those that compiling took."""
+        compiled, start = self._compiled, self._start
+        self._compiled, self._start = self._seconds_compiled(), clock.perf_counter()
+        self.compilation += self._compiled - compiled
+        return self._start - start - (self._compiled - compiled)
 
 
 def _segment_at_time(
@@ -242,19 +280,18 @@ def _segment_at_time(
     shared_seconds: dict[str, float],
 ) -> Segmentation:
     """The walk and the dissipators at one time."""
-    marks = [clock.perf_counter()]
+    stopwatch = _Stopwatch()
     kernel = HeatKernel.from_spectrum(spectrum, standard_time)
-    marks.append(clock.perf_counter())
+    kernel_seconds = stopwatch.lap()
 
     walk = heat_walk(kernel)
-    marks.append(clock.perf_counter())
+    walk_seconds = stopwatch.lap()
 
     excess = relative_entropy_excess(kernel, walk.labels, weights)
     labels = np.where(excess > 0, len(walk.exemplars), walk.labels)
     if split_dissipators:
         labels[excess > 0] += _dissipator_pieces(excess > 0, faces)
-    marks.append(clock.perf_counter())
-    kernel_seconds, walk_seconds, dissipator_seconds = np.diff(marks).tolist()
+    dissipator_seconds = stopwatch.lap()
 
     return Segmentation(
         labels=labels,
@@ -269,6 +306,7 @@ def _segment_at_time(
         standard_time=standard_time,
         fiedler_time=standard_time * spectrum.fiedler_value,
         seconds={
+            "compilation": shared_seconds["compilation"] + stopwatch.compilation,
             "operator": shared_seconds["operator"],
             "spectrum": shared_seconds["spectrum"] + kernel_seconds,
             "walk": walk_seconds,

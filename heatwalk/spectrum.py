@@ -8,7 +8,7 @@ for each connected component:
             every Ritz pair up to the limit has converged (`RITZ_TOLERANCE`)
             and the first beyond the limit roughly so (`BEYOND_TOLERANCE`)
         if so many eigenvalues are so close together that the start block may have too few columns to find all of
-        them: repeat with twice as many columns
+        them: look for others outside the Krylov space, or repeat with twice as many columns
 check the residual of every pair
 """
 
@@ -60,6 +60,13 @@ COPY_TOLERANCE = 1e-3
 # each different from the next by 1e-4 to 0.04.)
 CLUSTER_TOLERANCE = 0.01
 PROBE_STEPS = 4
+
+# Of so many eigenvalues, some are as close as copies by chance, and repeating the iteration with blocks of 4, 8, 16, 32
+# columns, as on meshes with hundreds of spikes, would be in vain. The probe goes on instead until the largest
+# eigenvalue outside the space is known to BEYOND_TOLERANCE, in a tenth of the time of one repetition, or fails after
+# this share of the steps of the iteration.
+MANY_PAIRS = 200
+LONGEST_PROBE = 0.25
 
 # Eigenvalues this close to one another (relative) count as one multiple eigenvalue.
 MULTIPLICITY_TOLERANCE = 1e-6
@@ -286,12 +293,15 @@ class _Component:
     ) -> bool:
         """Whether eigenvalues close to the ``count`` found ones may be missing, for lack of columns of the block."""
         spread = theta[: max(count - self.width + 1, 0)] / theta[self.width - 1 : count] - 1
-        if (spread <= COPY_TOLERANCE).any():
-            return True
         if not (spread <= CLUSTER_TOLERANCE).any():
             return False
         largest_allowed = 1 / (limit * (1 + MULTIPLICITY_TOLERANCE) - SHIFT)
-        return self._largest_outside(basis, rng) > largest_allowed
+        if not (spread <= COPY_TOLERANCE).any():
+            return self._largest_outside(basis, rng, PROBE_STEPS, 0.0) > largest_allowed
+        if count < MANY_PAIRS:
+            return True
+        longest = int(LONGEST_PROBE * len(theta) / BLOCK_WIDTH)
+        return self._largest_outside(basis, rng, longest, BEYOND_TOLERANCE) > largest_allowed
 
     def _start_block(self, rng: np.random.Generator, width: int) -> NDArray[np.float64]:
         """Random block, orthogonal to the constant."""
@@ -301,12 +311,13 @@ class _Component:
         start -= np.outer(self.constant, self.constant @ start)
         return start
 
-    def _largest_outside(self, basis: "Basis", rng: np.random.Generator) -> float:
+    def _largest_outside(self, basis: "Basis", rng: np.random.Generator, steps: int, tolerance: float) -> float:
         """Upper estimate of the largest eigenvalue of S on the orthogonal complement of ``basis``.
 
         If an eigenvalue has more copies than the start block has columns, some of them have no component in the Krylov
         space. New random vectors do have components in these copies, and turn towards them in a few steps, because
-        nothing else outside the basis is as large.
+        nothing else outside the basis is as large. Ends after so many steps, or once the error of the estimate is
+        within ``tolerance`` (relative).
         """
         from heatwalk.numerics.lanczos import lanczos
 
@@ -314,9 +325,14 @@ class _Component:
             return basis.remove_components(self._apply_inverse(block))[1]
 
         start = basis.remove_components(self._start_block(rng, BLOCK_WIDTH))[1]
-        *_, (_, projected, _, coupling) = islice(lanczos(apply_outside, start), PROBE_STEPS)
-        theta, mix = scipy.linalg.eigh(projected)
-        return float(theta[-1] + np.linalg.norm(coupling @ mix[-BLOCK_WIDTH:, -1]))
+        largest = np.inf
+        for _, projected, _, coupling in islice(lanczos(apply_outside, start), steps):
+            theta, mix = scipy.linalg.eigh(projected)
+            error = float(np.linalg.norm(coupling @ mix[-BLOCK_WIDTH:, -1]))
+            largest = float(theta[-1]) + error
+            if error <= tolerance * theta[-1]:
+                break
+        return largest
 
     def _apply_inverse(self, block: NDArray[np.float64]) -> NDArray[np.float64]:
         """(A - σ)⁻¹ ``block``, with the constant projected out."""

@@ -43,11 +43,12 @@ def run(study: str, overrides: Sequence[str] = (), *, quiet: bool = False) -> Re
     >>> results.tables["table"]["mean"].max()  # doctest: +SKIP
     0.0
     """
-    from hydra import compose, initialize_config_module
+    from hydra import compose, initialize_config_dir
     from hydra.core.global_hydra import GlobalHydra
     from hydra.errors import HydraException
     from rich.console import Console
 
+    from studies._own_packages import CONF
     from studies.execution.study import run_study
     from studies.planning.command_line import check_groups, quote_argument
     from studies.planning.configuration import configure
@@ -56,7 +57,7 @@ def run(study: str, overrides: Sequence[str] = (), *, quiet: bool = False) -> Re
     options = [f"+study={study}", *map(quote_argument, overrides)]
     check_groups(options)
     GlobalHydra.instance().clear()
-    with initialize_config_module("conf", version_base="1.3"):
+    with initialize_config_dir(str(CONF), version_base="1.3"):
         try:
             cfg = compose("config", options)
         except HydraException as error:

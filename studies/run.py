@@ -9,7 +9,9 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -18,6 +20,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
+from studies._own_packages import CONF
 from studies.execution.interruption import is_ctrl_c, watch_ctrl_c
 from studies.planning.command_line import (
     add_missing_options,
@@ -26,8 +29,10 @@ from studies.planning.command_line import (
     list_globbed_studies,
     option_names,
     quote_argument,
+    quoted,
     swept_folder,
 )
+from studies.planning.help import HELP_FLAGS, help_text
 from studies.terminal import INTERRUPTED, MISTAKE, SOME_FAILED, one_line, run_command
 
 if TYPE_CHECKING:
@@ -44,6 +49,28 @@ class TrialsFailed(SystemExit):
 def main() -> None:
     """Run the command with Hydra; its own exit code for mistakes, 1, becomes 2."""
     arguments = flags_last(sys.argv[1:])
+    if not {*HELP_FLAGS}.isdisjoint(arguments) and not {"--config-dir", "-cd"} & {*arguments}:
+        print(help_text(arguments))
+        return
+    if not {"--shell-completion", "-sc"}.isdisjoint(arguments):
+        _fail("shell completion is not available for python -m studies.run; --help lists all names and options")
+    with _folder_of_dry_sweep(arguments) as folder:
+        _run_command([*folder, *arguments])
+
+
+@contextmanager
+def _folder_of_dry_sweep(arguments: Sequence[str]) -> Iterator[list[str]]:
+    """The option that has Hydra write its record of a sweep to a folder that is deleted, if it is a dry run."""
+    is_sweep = bool({"-m", "--multirun"} & {*arguments})
+    if not is_sweep or not any(a.lstrip("+").lower() == "dry_run=true" for a in arguments):
+        yield []
+        return
+    with TemporaryDirectory(prefix="studies") as folder:
+        yield [f"hydra.sweep.dir={quoted(folder)}"]
+
+
+def _run_command(arguments: list[str]) -> None:
+    """Run the studies that the arguments define."""
     try:
         check_groups(arguments)
     except ValueError as error:
@@ -65,7 +92,7 @@ def main() -> None:
         sys.exit(max(code for _, code in _failed_jobs))
 
 
-@hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")
+@hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
 def _hydra_main(cfg: DictConfig) -> None:
     try:
         _run(cfg)
@@ -80,6 +107,7 @@ def _run(cfg: DictConfig) -> None:
     """Run the study of one job, and exit with its code."""
     from rich.console import Console
 
+    from studies.datasets.dataset import DatasetError
     from studies.execution.study import run_study
     from studies.planning.configuration import configure
 
@@ -88,6 +116,8 @@ def _run(cfg: DictConfig) -> None:
         try:
             study = configure(cfg, overrides, swept_folder(sys.argv[1:], overrides))
             outcome = run_study(study, Console())
+        except DatasetError as error:  # its message has a line for each file that the data consist of
+            _fail(str(error))
         except (ValueError, OSError) as error:
             _fail(one_line(error))
         except BaseException as error:  # whatever code of others raises while the study is planned

@@ -197,14 +197,35 @@ def _panel(panels: Panels, j: int) -> tuple[NDArray[np.float64], NDArray[np.int3
 
 
 @compiled
+def _largest_height(panels: Panels) -> int:
+    """The columns and the rows below the diagonal block of the panel that has most of both together."""
+    largest = 0
+    for j in range(len(panels.starts) - 1):
+        below = panels.row_starts[j + 1] - panels.row_starts[j]
+        largest = max(largest, panels.starts[j + 1] - panels.starts[j] + below)
+    return largest
+
+
+@compiled
+def _copy(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+    """Copy an array of two dimensions.
+
+    An assignment to a slice would do the same, but numba compiles ten seconds on the message for unequal shapes.
+    """
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@compiled
 def _factorise(
     indptr: NDArray[np.int32], indices: NDArray[np.int32], data: NDArray[np.float64], shift: float, panels: Panels
 ) -> None:
     """Fill the panels, whose entries are zero."""
     panel_of = _panel_of_columns(panels.starts)
     position = np.empty(panels.starts[-1], np.int64)
-    max_below = np.diff(panels.row_starts).max()
-    buffer, work = np.empty((MAX_NARROW_WIDTH, max_below)), np.empty(max_below)
+    height = _largest_height(panels)
+    buffer, work = np.empty((MAX_NARROW_WIDTH, height)), np.empty(height)
     for j in range(len(panels.starts) - 1):
         panel, below = _panel(panels, j)
         _add_matrix_columns(indptr, indices, data, shift, panels.starts[j], panel, below, position)
@@ -245,7 +266,7 @@ def _add_matrix_columns(
 def _eliminate_narrow(panel: NDArray[np.float64], lower: NDArray[np.float64]) -> None:
     """Replace a panel of A by [D⁻¹; F D⁻¹], and put Fᵀ into ``lower``; for a few columns."""
     _cholesky_columns(panel)
-    lower[:] = panel[:, len(panel) :]
+    _copy(panel[:, len(panel) :], lower)
     _multiply_by_inverse(panel)
 
 
@@ -289,8 +310,8 @@ def _eliminate_wide(panel: NDArray[np.float64]) -> NDArray[np.float64]:
     width = len(panel)
     inverse = np.linalg.inv(np.linalg.cholesky(panel[:, :width].copy().T))
     lower = np.dot(inverse, panel[:, width:].copy())
-    panel[:, :width] = inverse.T
-    panel[:, width:] = np.dot(inverse.T, lower)
+    _copy(inverse.T, panel[:, :width])
+    _copy(np.dot(inverse.T, lower), panel[:, width:])
     return lower
 
 
@@ -304,7 +325,7 @@ def _update_panels(
     work: NDArray[np.float64],
 ) -> None:
     """Subtract F Fᵀ from the panels that contain the columns ``below``; ``lower`` is Fᵀ."""
-    first = 0
+    first: int = np.int64(0)  # type: ignore[assignment]  # a literal 0 would have all below compiled for it too
     while first < len(below):
         k = panel_of[below[first]]
         target, target_below = _panel(panels, k)
@@ -383,7 +404,7 @@ def _subtract_narrow(
 @compiled
 def _substitute_forward(x: NDArray[np.float64], panels: Panels) -> None:
     """L⁻¹ on each row of x, in place."""
-    work = np.empty((2, (np.diff(panels.starts) + np.diff(panels.row_starts)).max()))
+    work = np.empty((2, _largest_height(panels)))
     for j in range(len(panels.starts) - 1):
         panel, below = _panel(panels, j)
         start, width = panels.starts[j], len(panel)
@@ -403,7 +424,7 @@ def _substitute_forward(x: NDArray[np.float64], panels: Panels) -> None:
 @compiled
 def _substitute_backward(x: NDArray[np.float64], panels: Panels) -> float:
     """L⁻ᵀ on each row of x, in place; the result is only there to keep the reading ahead from being optimised away."""
-    work = np.empty((2, (np.diff(panels.starts) + np.diff(panels.row_starts)).max()))
+    work = np.empty((2, _largest_height(panels)))
     read_from, total = panels.entry_starts[-1], 0.0
     for j in range(len(panels.starts) - 2, -1, -1):
         if panels.entry_starts[j] < read_from:

@@ -1,10 +1,12 @@
-"""How the inner loops of the package are compiled."""
+"""How the inner loops of the package are compiled, and how long that takes."""
 
 import contextlib
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar, cast
 
 from numba import njit
+from numba.core import event
 from numba.core.caching import FunctionCache
 
 # What LLVM may do to sums so that they use the vector registers; infinities and NaNs keep their meaning.
@@ -27,6 +29,54 @@ class _OptionalCache(FunctionCache):
         """Store the compiled function for a signature if possible."""
         with contextlib.suppress(OSError):
             super().save_overload(sig, data)
+
+
+class _CompilationClock(event.Listener):
+    """How long this process has been compiling; what was found in the cache does not count."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self.announce: Callable[[], None] | None = None
+        self._depth = 0  # functions are compiled in the middle of those that call them
+        self._start = 0.0
+
+    def on_start(self, event: event.Event) -> None:
+        """A function is not in the cache."""
+        if self._depth == 0:
+            if self.announce is not None:
+                self.announce()
+            self._start = time.perf_counter()
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """It is compiled."""
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.perf_counter() - self._start
+
+
+_clock = _CompilationClock()
+event.register("numba:compile", _clock)
+
+
+def seconds_compiled() -> float:
+    """Wall-clock seconds that this process has spent on compiling so far."""
+    return _clock.seconds
+
+
+@contextlib.contextmanager
+def announced(announce: Callable[[], None]) -> Iterator[None]:
+    """Call ``announce`` once, as soon as something has to be compiled within the ``with`` statement."""
+
+    def once() -> None:
+        _clock.announce = before
+        announce()
+
+    before, _clock.announce = _clock.announce, once
+    try:
+        yield
+    finally:
+        _clock.announce = before
 
 
 def compiled(function: Function) -> Function:

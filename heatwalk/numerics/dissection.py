@@ -85,19 +85,20 @@ def _dissect(
     level_ends = np.empty(n, np.int64)
     subset_of = np.full(len(indptr) - 1, -1)  # the subset that each vertex is in
     seen_by = np.full(len(indptr) - 1, -1)  # the last search that met each vertex
-    n_subsets = n_searches = 0
+    # Literals would have what is called compiled for them too.
+    n_levels: int = np.int64(0)  # type: ignore[assignment]
+    n_subsets, n_searches = n_levels, n_levels
     todo = [(0, n, n)]  # subsets as ranges of ``vertices``, each with the position in the order where it ends
     while len(todo) > 0:
         start, stop, position = todo.pop()
         size = stop - start
         if size <= LEAF_SIZE:
-            order[position - size : position] = vertices[start:stop]
+            _copy(vertices, start, stop, order, position - size)
             begins_piece[position - size] = True
             continue
 
         for i in range(start, stop):
             subset_of[vertices[i]] = n_subsets
-        n_levels = 0
         root = vertices[start]
         for _ in range(2):  # the last vertex that the first search meets is at an end of the subset
             n_levels = _breadth_first_levels(
@@ -118,14 +119,14 @@ def _dissect(
             root = queue[stop - 1]
         n_subsets += 1
         if n_levels == 1:  # a single vertex, or isolated ones: any order will do
-            order[position - size : position] = queue[start:stop]
+            _copy(queue, start, stop, order, position - size)
             begins_piece[position - size : position] = True
             continue
 
         level = _choose_separator(level_ends, n_levels, start, size)
         first = level_ends[level - 1] if level > 0 else start
         after = level_ends[level]
-        vertices[start:stop] = queue[start:stop]
+        _copy(queue, start, stop, vertices, start)
         kept_end, n_cut = _place_separator(
             indptr, indices, first, after, level_ends[level + 1], position, n_subsets, subset_of, queue, vertices, order
         )
@@ -134,6 +135,16 @@ def _dissect(
         todo.append((start, kept_end, position - n_cut - (stop - after)))
         todo.append((after, stop, position - n_cut))
     return order, begins_piece
+
+
+@compiled
+def _copy(source: NDArray[np.int64], start: int, stop: int, target: NDArray[np.int64], at: int) -> None:
+    """Copy source[start:stop] to target[at:].
+
+    An assignment to a slice would do the same, but numba compiles seconds on the message for unequal shapes.
+    """
+    for i in range(stop - start):
+        target[at + i] = source[start + i]
 
 
 @compiled

@@ -349,9 +349,11 @@ def _search(tree: Tree, tie: float, argmax: NDArray[np.int64], maximum: NDArray[
     query = np.empty(rows.shape[1])
     products = np.empty(LEAF_SIZE)
     n_products = 0
-    first_leaf = 0  # the leaf of the answer to the previous query
+    # The leaf of the answer to the previous query. Not a literal 0, for which the search would be compiled too.
+    first_leaf: int = np.int64(0)  # type: ignore[assignment]
     for x in range(len(rows)):
-        query[:] = rows[x]
+        for j in range(len(query)):
+            query[j] = rows[x, j]
         head_square, tail_square = _dot(query[:width], query[:width]), _dot(query[width:], query[width:])
         square, row = head_square + tail_square, order[x]
         best = Best(square, row, square * (1 - tie), row, square, x // LEAF_SIZE)

@@ -7,10 +7,10 @@ and returns each task with its outcome: the value of the function, or a `TaskFai
 import re
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
-from studies.execution.interruption import is_ctrl_c, reason
+from studies.execution.interruption import is_ctrl_c, reason, traceback_of
 
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
@@ -26,10 +26,13 @@ class TaskFailure:
         "failed" (it raised an exception), "timeout" (it took too long) or "crashed" (its process died)
     reason : str
         one line for the user
+    traceback : str
+        where the exception was raised, "" if there was none
     """
 
     status: str
     reason: str
+    traceback: str = field(default="", compare=False, repr=False)
 
 
 class TaskFailedError(RuntimeError):
@@ -129,7 +132,7 @@ def _apply(numbered: tuple[int, Callable[[Any], Any], Any]) -> Any:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return TaskFailure("failed", reason(error))
+        return TaskFailure("failed", reason(error), traceback_of(error))
 
 
 def check_limits(timeout: float | None, memory: int | str | None) -> None:

@@ -7,9 +7,14 @@ also what is not an `Exception`: ``sys.exit()`` in a wrapped program, a Keyboard
 import contextlib
 import signal
 import threading
+import traceback
 from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Any
+
+# What is kept of a traceback.
+TRACEBACK_LINES = 100
+TRACEBACK_WIDTH = 1000
 
 
 class _Watch:
@@ -63,6 +68,20 @@ def is_ctrl_c(error: BaseException) -> bool:
     if isinstance(handler, _Watch):
         return handler.was_pressed
     return handler is not signal.SIG_IGN  # worker processes ignore it
+
+
+def traceback_of(error: BaseException) -> str:
+    """Where an exception was raised, as Python shows it; of a deep recursion the first and last lines."""
+    try:
+        lines = "".join(traceback.format_exception(error)).splitlines()
+    except BaseException as raised:  # such as one of the message of the exception
+        if is_ctrl_c(raised):
+            raise
+        return reason(error)
+    if len(lines) > TRACEBACK_LINES:
+        half = TRACEBACK_LINES // 2
+        lines = [*lines[:half], f"  … {len(lines) - 2 * half} lines …", *lines[-half:]]
+    return "\n".join(line[:TRACEBACK_WIDTH] for line in lines)
 
 
 def reason(error: BaseException) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 from studies.datasets.in_memory import embed_models
 from studies.execution.engine import Engine, TaskFailure
-from studies.execution.interruption import is_ctrl_c, reason
+from studies.execution.interruption import is_ctrl_c, reason, traceback_of
 from studies.planning.trial import Trial, failed_row, run_trial
 
 Row = dict[str, Any]
@@ -46,7 +46,7 @@ class Preparation:
         except BaseException as error:
             if is_ctrl_c(error):
                 raise
-            return TaskFailure("failed", reason(error))
+            return TaskFailure("failed", reason(error), traceback_of(error))
         return Prepared(pickled, time.perf_counter() - start)
 
     def __str__(self) -> str:
@@ -134,11 +134,11 @@ class Schedule:
         """
         if isinstance(task, Measurement):
             if isinstance(outcome, TaskFailure):
-                return [failed_row(task.trial, outcome.status, outcome.reason)]
+                return [failed_row(task.trial, outcome.status, outcome.reason, outcome.traceback)]
             return [outcome]
         group = self._waiting.pop(task)
         if isinstance(outcome, TaskFailure):
-            return [failed_row(trial, outcome.status, outcome.reason) for trial in group]
+            return [failed_row(trial, outcome.status, outcome.reason, outcome.traceback) for trial in group]
         prepared = Prepared(outcome.pickled, outcome.seconds / len(group))
         self._ready.append(Measurement(trial, prepared) for trial in group)
         return []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from rich.console import Console
 
+    from studies.execution.engine import Engine
     from studies.planning.configuration import Study
     from studies.planning.trial import Trial
     from studies.reporting.results import Results
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 INTERRUPTED = "interrupted"
 STOPPED = "stopped at a trial that failed (on_error=stop)"
 ERRORS_SHOWN = 5
+PLACES_SHOWN = 3  # trials of each error
 
 
 @dataclass(frozen=True)
@@ -154,6 +156,10 @@ def _run_missing(study: Study, missing: Sequence[Trial], store: storage.RowStore
 
     if not missing:
         return ""
+    try:
+        _compile_ahead(study, console)
+    except KeyboardInterrupt:
+        return INTERRUPTED
     labels = storage.LabelStore(study.folder)
     try:
         with (
@@ -163,11 +169,45 @@ def _run_missing(study: Study, missing: Sequence[Trial], store: storage.RowStore
             for row in rows:
                 _store(row, store, labels)
                 progress.count(row["status"])
+                _show_traceback(row, study.engine, progress.console)
                 if study.on_error == "stop" and row["status"] != "ok":
                     return STOPPED
     except KeyboardInterrupt:
         return INTERRUPTED
     return ""
+
+
+def _compile_ahead(study: Study, console: Console) -> None:
+    """Compile the methods of a study before its first trial, once, and say so; workers load it from the cache."""
+    from studies.execution.engine import TaskFailedError, map_ordered
+
+    if study.engine.remote:
+        return
+    for method in (segmenter.method for segmenter in study.segmenters):
+        if hasattr(method, "compile_ahead"):
+            # Where trials run, and not here: loading the result takes seconds, which a worker needs anyway. If it fails
+            # there, the trials tell why.
+            with suppress(TaskFailedError):
+                if not map_ordered(study.engine, _is_compiled, [method])[0]:
+                    console.print("  compiling the inner loops, which takes about half a minute, once")
+                    map_ordered(study.engine, _compile, [method])
+            return
+
+
+def _is_compiled(method: Any) -> bool:
+    return method.is_compiled()
+
+
+def _compile(method: Any) -> None:
+    method.compile_ahead()
+
+
+def _show_traceback(row: Mapping[str, Any], engine: Engine, console: Console) -> None:
+    """Print where a trial failed, if trials run in this process, which is how one looks for mistakes."""
+    from studies.execution.serial import Serial
+
+    if isinstance(engine, Serial) and row.get("traceback"):
+        console.print(f"{_place(row)}:\n{row['traceback']}", markup=False, highlight=False, soft_wrap=True)
 
 
 def _store(row: dict[str, Any], store: storage.RowStore, labels: storage.LabelStore) -> None:
@@ -196,9 +236,24 @@ def _write_results(study: Study, results: Results, trials: Sequence[Trial], ende
     from studies.reporting.write import draw_pictures, write_tables
 
     write_tables(results, console)
+    for stem in results.experiment.unwanted_pictures():
+        (study.folder / f"{stem}.png").unlink(missing_ok=True)
     if not ended_early:
         draw_pictures(results, trials, study.engine, console)
     console.print(f"written to {study.folder}", highlight=False, soft_wrap=True)
+
+
+def _place(row: Mapping[Any, Any]) -> str:
+    """Model, part and level of a row, for messages: "ant, holes 250"."""
+    level = f" {row['level']:g}" if row["perturbation"] else ""
+    return f"{row['model']}, {row['part']}{level}"
+
+
+def _first_of(places: Sequence[str]) -> str:
+    """A few different places, and how many others there are."""
+    different = list(dict.fromkeys(places))
+    others = len(different) - PLACES_SHOWN
+    return "; ".join(different[:PLACES_SHOWN]) + (f"; and {others:,} more" if others > 0 else "")
 
 
 def _report_missing_metrics(rows: pd.DataFrame, store: storage.RowStore, console: Console) -> None:
@@ -229,10 +284,14 @@ def _report_failures(results: Results, ended_early: str, console: Console) -> No
     """Print how many trials failed and why, and whether the study ended early."""
     if results.failures:
         console.print(
-            f"[red]{results.failures} of {count_of(len(results.rows), 'trial')} failed[/red]; the column error of "
-            "trials.parquet has the reasons:"
+            f"[red]{results.failures:,} of {count_of(len(results.rows), 'trial')} failed[/red]; trials.parquet has the "
+            "reasons, in the column error, and where they arose, in the column traceback:"
         )
-        for error, count in results.rows["error"].value_counts().head(ERRORS_SHOWN).items():
-            console.print(f"  {count} × {error}", markup=False, highlight=False, soft_wrap=True)
+        failed = results.rows[results.rows["status"] != "ok"]
+        for error in failed["error"].value_counts().head(ERRORS_SHOWN).index:
+            trials = [_place(row) for row in failed[failed["error"] == error].to_dict("records")]
+            console.print(
+                f"  {len(trials):,} × {error} ({_first_of(trials)})", markup=False, highlight=False, soft_wrap=True
+            )
     if ended_early:
         console.print(f"{ended_early}; what was done is stored, and the same command continues from there")

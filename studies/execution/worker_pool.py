@@ -26,7 +26,7 @@ import psutil
 import threadpoolctl
 
 from studies.execution.engine import TaskFailure, parse_bytes
-from studies.execution.interruption import reason
+from studies.execution.interruption import reason, traceback_of
 from studies.execution.process_tree import find_families, kill_processes, resident_memory, split_supervised
 
 # Workers are forked, from a process that has imported what they need; not from this process, because a fork inherits
@@ -338,7 +338,7 @@ def _answer(function: bytes, task: bytes) -> bytes:
     except Exception as error:
         return _pickled_error(error)
     except BaseException as error:  # Ctrl-C is ignored here, so that none of them is the user's
-        return pickle.dumps((True, TaskFailure("failed", reason(error))))
+        return pickle.dumps((True, TaskFailure("failed", reason(error), traceback_of(error))))
 
 
 def _pickled_error(error: Exception) -> bytes:

@@ -386,6 +386,10 @@ class Change(Experiment):
             axes = {name: part.axis for name, part in self.named_parts(study).items()}
             yield GalleryPicture(chosen, rows, axes, gallery.style, title, labels)
 
+    def unwanted_pictures(self) -> Sequence[str]:
+        """The gallery, if it is to show no model."""
+        return ["gallery"] if self._checked_gallery().models == 0 else []
+
     def _with_labels_of_gallery(self, trials: list[Trial]) -> list[Trial]:
         """The trials; those that the gallery will show keep their labels."""
         from studies.figures.gallery import choose_trials

@@ -119,6 +119,10 @@ class Experiment(ABC):
         """
         return ()
 
+    def unwanted_pictures(self) -> Sequence[str]:
+        """File stems of pictures that the options exclude: those of an earlier run are deleted."""
+        return ()
+
 
 def row_columns(experiment: type[Experiment] | Experiment) -> tuple[Column, ...]:
     """Every column of the rows of an experiment."""

@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from hydra import compose, initialize_config_module
+from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, QuotedString
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 
+from studies._own_packages import CONF
 from studies.planning.errors import StudyError
 from studies.planning.names import folder_name
 
@@ -65,14 +66,14 @@ def quote_argument(argument: str, is_sweep: bool = False) -> str:
     if option not in TEXT_OPTIONS:
         # Hydra refuses letters of most scripts where they are not quoted.
         is_word = not (value.isascii() or re.search(r"""[][{},'"$]""", value))
-        return f"{key}={_quoted(value)}" if is_word else argument
+        return f"{key}={quoted(value)}" if is_word else argument
     if value in ("", "null", "???") or "${" in value:
         return argument
     if re.fullmatch(r"""(['"]).*\1""", value, re.DOTALL):
         return argument
     if is_sweep and option in SWEPT_PATHS and not _is_there(value):
-        return f"{key}={','.join(map(_quoted, value.split(',')))}"
-    return f"{key}={_quoted(value)}"
+        return f"{key}={','.join(map(quoted, value.split(',')))}"
+    return f"{key}={quoted(value)}"
 
 
 def _is_there(pattern: str) -> bool:
@@ -81,7 +82,7 @@ def _is_there(pattern: str) -> bool:
     return os.path.exists(expanded) or any(glob.iglob(expanded, recursive=True))
 
 
-def _quoted(value: str) -> str:
+def quoted(value: str) -> str:
     """A value that Hydra reads as it is, in quotes if it has to."""
     if re.fullmatch(r"[A-Za-z0-9_./*?-]*", value):
         with suppress(HydraException):
@@ -160,7 +161,7 @@ def list_globbed_studies(arguments: Sequence[str]) -> list[str]:
     listed = []
     for argument in arguments:
         if argument.startswith("+study=") and "glob(" in argument:
-            with suppress(HydraException), initialize_config_module("conf", version_base="1.3"):
+            with suppress(HydraException), initialize_config_dir(str(CONF), version_base="1.3"):
                 names = set(GlobalHydra.instance().config_loader().get_group_options("study")) - {CUSTOM}
                 own = _own_folder(arguments)
                 names |= {path.stem for path in (own / "study").glob("*.yaml")} if own else set()
@@ -180,7 +181,7 @@ def _own_folder(arguments: Sequence[str]) -> Path | None:
 def _search_path(arguments: Sequence[str]) -> list[str]:
     """The override with which a configuration is composed from that folder too."""
     folder = _own_folder(arguments)
-    return [] if folder is None else [f"hydra.searchpath=[{_quoted(f'file://{folder}')}]"]
+    return [] if folder is None else [f"hydra.searchpath=[{quoted(f'file://{folder}')}]"]
 
 
 def add_missing_options(arguments: Sequence[str]) -> list[str]:
@@ -192,7 +193,7 @@ def add_missing_options(arguments: Sequence[str]) -> list[str]:
     if not {"-m", "--multirun"} & set(arguments) or len(names) < 2:
         return list(arguments)
     own = _search_path(arguments)
-    with initialize_config_module("conf", version_base="1.3"), suppress(HydraException):
+    with initialize_config_dir(str(CONF), version_base="1.3"), suppress(HydraException):
         bare = compose("config")
         full = [compose("config", [f"+study={name}", *own]) for name in names]
         return [f"++{a}" if _is_option_of_studies_alone(a, bare, full) else a for a in arguments]
@@ -232,7 +233,7 @@ def option_names(arguments: Sequence[str]) -> list[str]:
     """Names of the options of the study, dataset … that the command line chooses; of the defaults if it is wrong."""
     chosen = [a for a in arguments if a.partition("=")[0] in ("+study", "dataset", "segmenter", "engine", "experiment")]
     for overrides in ([*chosen, *_search_path(arguments)], []):
-        with initialize_config_module("conf", version_base="1.3"), suppress(HydraException):
+        with initialize_config_dir(str(CONF), version_base="1.3"), suppress(HydraException):
             cfg = compose("config", overrides)
             return [
                 f"{key}.{name}" if name else key

@@ -12,7 +12,7 @@ import numpy as np
 
 from studies.columns import Column
 from studies.datasets import Model
-from studies.execution.interruption import is_ctrl_c, reason
+from studies.execution.interruption import is_ctrl_c, reason, traceback_of
 
 COLUMNS: tuple[Column, ...] = (
     Column(name="study", dtype="string", help="Name of the study."),
@@ -37,6 +37,7 @@ COLUMNS: tuple[Column, ...] = (
     Column(name="seconds_segment", unit="s", lower_is_better=True, help="Time that segmenting took."),
     Column(name="status", dtype="string", help="ok, failed, timeout or crashed."),
     Column(name="error", dtype="string", help="Why the trial failed, in one line."),
+    Column(name="traceback", dtype="string", help="Where the trial failed, as Python shows it."),
     Column(name="applied", dtype="string", help="What the perturbation did, as JSON."),
     Column(name="trial_id", dtype="string", help="Digest of everything that determines the result."),
 )
@@ -113,7 +114,7 @@ def run_trial(trial: Trial, prepared: Any) -> dict[str, Any]:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return failed_row(trial, "failed", reason(error))
+        return failed_row(trial, "failed", reason(error), traceback_of(error))
 
 
 def _storable(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -153,6 +154,6 @@ def planned_row(trial: Trial) -> dict[str, Any]:
     }
 
 
-def failed_row(trial: Trial, status: str, error: str) -> dict[str, Any]:
+def failed_row(trial: Trial, status: str, error: str, traceback: str = "") -> dict[str, Any]:
     """The row of a trial without a result."""
-    return planned_row(trial) | {"status": status, "error": error}
+    return planned_row(trial) | {"status": status, "error": error, "traceback": traceback or None}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Sized
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,11 +18,18 @@ if TYPE_CHECKING:
     from studies.planning.trial import Trial
     from studies.storage import StoredRows
 
+# Seconds between two lines of progress where there is no terminal: at least, and at most if trials do not take longer.
+LINE_SECONDS = 5.0
+SILENT_SECONDS = 30.0
+
 COUNTS = ("models", "levels", "repeats", "trials", "stored", "failed", "missing")
 
 
 class Progress(progress.Progress):
-    """Trials done and failed, trials per second, time left, and what each worker is doing; nothing if not a terminal.
+    """Trials done and failed, trials per second, time left, and what each worker is doing.
+
+    If the console is not a terminal, it prints a line now and then instead: at each tenth of the trials, but not within
+    `LINE_SECONDS` of the last line, and when a trial ends `SILENT_SECONDS` after the last line.
 
     Parameters
     ----------
@@ -29,11 +37,20 @@ class Progress(progress.Progress):
         number of trials to run
     engine : Engine
     console : rich.console.Console
+    clock : callable
+        () -> seconds
     """
 
-    def __init__(self, total: int, engine: Engine, console: Console) -> None:
+    def __init__(
+        self, total: int, engine: Engine, console: Console, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._engine = engine
         self._failed = 0
+        self._done = 0
+        self._total = total
+        self._clock = clock
+        self._start = self._last_line = clock()
+        self._tenth = 1  # the next of which a line tells
         super().__init__(
             progress.TextColumn("trials"),
             progress.BarColumn(bar_width=None),
@@ -54,12 +71,31 @@ class Progress(progress.Progress):
     def count(self, status: str) -> None:
         """Count one more trial as done."""
         self._failed += status != "ok"
+        self._done += 1
+        if not self.console.is_terminal:
+            self._print_line()
         speed = self.tasks[0].finished_speed or self.tasks[0].speed
         self.update(
             self._bar,
             advance=1,
             rate=f"{speed:.1f}/s" if speed else "",
             failures=f"{self._failed} failed" if self._failed else "",
+        )
+
+    def _print_line(self) -> None:
+        """Print how far the study is, if it is time to."""
+        now = self._clock()
+        silence = now - self._last_line
+        is_tenth = 10 * self._done >= self._tenth * self._total and silence >= LINE_SECONDS
+        if self._done == self._total or not (is_tenth or silence >= SILENT_SECONDS):
+            return
+        self._last_line, self._tenth = now, 10 * self._done // self._total + 1
+        left = (now - self._start) / self._done * (self._total - self._done)
+        failed = f", {self._failed:,} failed" if self._failed else ""
+        self.console.print(
+            f"  {self._done:,} of {self._total:,} trials{failed}; {_duration(left)} left",
+            highlight=False,
+            soft_wrap=True,
         )
 
     def get_renderables(self) -> Iterable[RenderableType]:
@@ -128,7 +164,10 @@ def _time_left(to_run: int, stored: StoredRows | None, engine: Engine) -> str:
     if not to_run:
         return "no time left"
     if not stored or stored.seconds is None:
-        return "time left: unknown, no stored trial of this study recorded its time"
+        return (
+            "time left: unknown until some of them have run; start the study, stop it by Ctrl-C after a few trials, "
+            "and dry_run=true estimates the rest from their time"
+        )
     work = to_run * stored.seconds
     shared = f", {_duration(work / engine.processes)} with {engine.processes} at once" if engine.processes else ""
     return f"time left, estimated from the stored trials: {_duration(work)} of work{shared}"

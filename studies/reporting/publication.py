@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+from studies._own_packages import CONF
 from studies.columns import Column, Published, Table
 from studies.experiments.experiment import PUBLISHED
 from studies.planning.errors import StudyError
@@ -45,7 +45,7 @@ class Publication:
         """
         import yaml
 
-        folder = resources.files("conf").joinpath("paper")
+        folder = CONF / "paper"
         known = sorted(file.name.removesuffix(".yaml") for file in folder.iterdir() if file.name.endswith(".yaml"))
         if name not in known:
             raise StudyError(f"publication is {name!r}: it must be null or one of {', '.join(known)}")

@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import heatwalk
-from heatwalk.segmentation import DENSITIES, TIME_UNITS
+from heatwalk.segmentation import DENSITIES, TIME_UNITS, compile_ahead
+
+
+class _NotCompiledError(Exception):
+    """Something that segmenting needs has to be compiled first."""
+
+
+def _refuse() -> None:
+    raise _NotCompiledError
 
 
 @dataclass(frozen=True)
@@ -52,6 +60,23 @@ class HeatWalk:
                 raise ValueError(f"segmenter.{option} is {getattr(self, option)!r}: choose one of {', '.join(valid)}")
 
     algorithm_version: ClassVar[int] = heatwalk.ALGORITHM_VERSION
+
+    @staticmethod
+    def is_compiled() -> bool:
+        """Whether this process has everything that segmenting needs compiled or in numba's cache; then it is loaded."""
+        from heatwalk.numerics.compilation import announced
+
+        try:
+            with announced(_refuse):
+                compile_ahead()
+        except _NotCompiledError:
+            return False
+        return True
+
+    @staticmethod
+    def compile_ahead() -> None:
+        """Compile everything that segmenting needs."""
+        compile_ahead()
 
     def __call__(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
         """Labels of the vertices.

@@ -6,6 +6,9 @@ Every measurement runs in its own process with one BLAS thread. Seconds are CPU 
 processes: a virtual machine that has returned memory to its host needs seconds per gigabyte to get it back. Both
 commands of each ratio are measured in the same run, one after the other. The sparse solvers are also measured with the
 default number of threads, in elapsed seconds.
+
+Before it starts, it prints how much memory each measurement takes, and measurements that need more than is free are
+left out: the method as printed in the paper, with n x n arrays, takes 15 GB at 25,000 vertices.
 """
 
 import argparse
@@ -21,6 +24,9 @@ from pathlib import Path
 SIZES = (1_000, 5_000, 25_000, 100_000, 400_000, 1_000_000)
 LARGEST_DENSE = 25_000  # n x n arrays: 5 GB each
 SAMPLED_ROWS = 20_000  # of the blocked product, if all rows would take hours
+BASE_BYTES = 250_000_000  # of a process that has loaded everything
+BYTES_PER_VERTEX = {"ours": 2_500, "scipy_eigsh": 5_000, "blocked_product": 10_000, "plain_numpy": 30_000}
+BYTES_PER_VERTEX_OF_SOLVERS = 5_000
 STAGES = ("operator", "spectrum", "walk", "dissipators")
 
 SOLVER_SIZES = (25_000, 100_000, 400_000, 1_000_000)
@@ -36,7 +42,7 @@ def ours(vertices, faces):
     start = time.process_time()
     seg = heatwalk.segment(vertices, faces)
     total = time.process_time() - start
-    shares = {stage: seg.seconds[stage] / sum(seg.seconds.values()) for stage in STAGES}
+    shares = {stage: seg.seconds[stage] / sum(seg.seconds[stage] for stage in STAGES) for stage in STAGES}
     return {
         "seconds": total,
         **{stage: total * share for stage, share in shares.items()},
@@ -345,8 +351,62 @@ def throughput(folder, seconds=60):
     return {"one": one, "two": two}
 
 
-def run(largest):
-    """Every measurement up to ``largest`` vertices: dict (measurement, size) -> results, printed as they are made."""
+def required_memory(name, size):
+    """Bytes that a measurement takes on a surface of so many vertices, rounded up from what it took."""
+    if name == "dense":
+        return BASE_BYTES + 3 * 8 * size**2  # three arrays of size n x n at the same time
+    return BASE_BYTES + BYTES_PER_VERTEX.get(name, BYTES_PER_VERTEX_OF_SOLVERS) * size
+
+
+def free_memory():
+    """Bytes that this process may still take: what the system has left, or the container it runs in."""
+    import psutil
+
+    free = psutil.virtual_memory().available
+    limit, used = (Path("/sys/fs/cgroup") / name for name in ("memory.max", "memory.current"))
+    if limit.exists() and used.exists() and (most := limit.read_text().strip()).isdigit():
+        free = min(free, int(most) - int(used.read_text()))
+    return free
+
+
+def planned(largest):
+    """The measurements up to ``largest`` vertices, by size."""
+    plan = {}
+    for size in (size for size in SIZES if size <= largest):
+        plan[size] = ["ours", "scipy_eigsh"]
+        plan[size] += ["blocked_product"] if size <= 100_000 else []
+        plan[size] += ["plain_numpy"] if size in (25_000, 100_000) else []
+        plan[size] += ["dense"] if size <= LARGEST_DENSE else []
+        plan[size] += [*SOLVERS] if size in SOLVER_SIZES else []
+    return plan
+
+
+def affordable(plan, free):
+    """The measurements of a plan that ``free`` bytes are enough for; prints what they take, and what is left out.
+
+    Raises
+    ------
+    SystemExit
+        with one line, if there is not even enough memory for this package on the smallest surface
+    """
+    needs = {(name, size): required_memory(name, size) for size, names in plan.items() for name in names}
+    (largest_name, largest_size), most = max(needs.items(), key=lambda item: item[1])
+    print(
+        f"takes up to {most / 1e9:.1f} GB of memory ({largest_name} at {largest_size:,} vertices); "
+        f"{free / 1e9:.1f} GB are free"
+    )
+    for (name, size), need in needs.items():
+        if need > free:
+            print(f"{size:>9,} {name:<24} left out: takes {need / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free")
+    kept = {size: [name for name in names if needs[name, size] <= free] for size, names in plan.items()}
+    kept = {size: names for size, names in kept.items() if {"ours", "scipy_eigsh"} <= {*names}}
+    if not kept:
+        raise SystemExit(f"scaling: error: {free / 1e9:.1f} GB of memory are free, too little for any measurement")
+    return kept
+
+
+def run(plan):
+    """The measurements of a plan: dict (measurement, size) -> results, printed as they are made."""
     import numpy as np
 
     from tests.helpers.surfaces import surface
@@ -358,18 +418,15 @@ def run(largest):
         print(f"{size:>9,} {name:<24}", json.dumps(result) if result else "did not finish", flush=True)
 
     with tempfile.TemporaryDirectory() as folder:
-        for size in (size for size in SIZES if size <= largest):
+        for size, names in plan.items():
             file = Path(folder) / f"{size}.npz"
             vertices, faces = surface(size)
             np.savez(file, vertices=vertices, faces=faces)
-            names = ["ours", "scipy_eigsh"]
-            names += ["blocked_product"] if size <= 100_000 else []
-            names += ["plain_numpy"] if size in (25_000, 100_000) else []
-            names += ["dense"] if size <= LARGEST_DENSE else []
-            for name in names:
+            for name in (name for name in names if name not in SOLVERS):
                 record(name, size, measure(name, file))
-            if size in SOLVER_SIZES:
-                for name, result in measure_solvers(vertices, faces, Path(folder)):
+            solvers = [name for name in names if name in SOLVERS]
+            if solvers:
+                for name, result in measure_solvers(solvers, vertices, faces, Path(folder)):
                     record(name, size, result)
         record("import_heatwalk", 0, measure("import_heatwalk", file))
         record("throughput", 0, throughput(Path(folder)))
@@ -377,13 +434,13 @@ def run(largest):
     return results
 
 
-def measure_solvers(vertices, faces, folder):
-    """Yield (measurement, results) of each sparse solver on one surface, with one thread and with the default."""
+def measure_solvers(solvers, vertices, faces, folder):
+    """Yield (measurement, results) of sparse solvers on one surface, with one thread and with the default number."""
     import scipy.sparse as sp
 
     file = folder / "matrix.npz"
     sp.save_npz(file, shifted_matrix(vertices, faces), compressed=False)
-    for name in SOLVERS:
+    for name in solvers:
         yield name, measure(name, file, limit=SOLVER_LIMIT)
         yield f"{name}_threaded", measure(name, file, threads=None, limit=SOLVER_LIMIT, key="elapsed")
 
@@ -485,6 +542,8 @@ def solver_lines(results):
     for size in sorted({size for name, size in results if name in SOLVERS}):
         ours, ours_threaded = results["solver_heatwalk", size], results["solver_heatwalk_threaded", size]
         for name, (label, _) in SOLVERS.items():
+            if (name, size) not in results:  # it would have taken too much memory
+                continue
             row, threaded = results[name, size], results[f"{name}_threaded", size]
             cells = [f"{size:,}", label]
             if row:
@@ -569,7 +628,12 @@ if __name__ == "__main__":
     if arguments.measure:
         _measure_here(arguments.measure, arguments.input)
     else:
-        results = load(arguments.output) if arguments.redraw else run(arguments.largest)
+        if arguments.largest < SIZES[0]:
+            parser.error(f"--largest must be at least {SIZES[0]:,}, got {arguments.largest:,}")
+        if arguments.redraw:
+            results = load(arguments.output)
+        else:
+            results = run(affordable(planned(arguments.largest), free_memory()))
         write(results, arguments.output)
         for measure_name, target, value, met in targets(results):
             print(f"{'met   ' if met else 'MISSED'} {value:>9.3g} {target:>8}  {measure_name}")

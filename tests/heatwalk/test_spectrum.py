@@ -231,6 +231,30 @@ def test_crowds_of_eigenvalues_that_are_nearly_copies_are_all_found(count, refin
     np.testing.assert_allclose(found, every[every <= limit], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("crowd", [copies_of_a_sphere, nearly_copies])
+@pytest.mark.parametrize(("count", "refinements", "limit"), [(9, 3, 30), (12, 2, 30), (40, 2, 20)])
+def test_the_probe_that_spares_a_repetition_finds_what_is_missing(crowd, count, refinements, limit, monkeypatch):
+    monkeypatch.setattr(spectrum_module, "MANY_PAIRS", 0)
+    stiffness, mass, every = crowd(count, refinements)
+    found = SpectrumSolver(stiffness, mass, np.zeros(len(mass), dtype=int)).up_to(limit).eigenvalues[0]
+    np.testing.assert_allclose(found, every[every <= limit], rtol=1e-9, atol=1e-9)
+
+
+def test_hundreds_of_eigenvalues_that_are_close_by_chance_are_found_in_one_iteration(monkeypatch):
+    # Spikes that are longer than the body: each has small eigenvalues of its own, of about the same size.
+    mesh = trimesh.creation.icosphere(4)
+    rng = np.random.default_rng(4)
+    spikes = rng.choice(len(mesh.vertices), 300, replace=False)
+    vertices = np.array(mesh.vertices)
+    vertices[spikes] *= rng.uniform(2.5, 3, size=(300, 1))
+    once, repeated = (solver(vertices, mesh.faces) for _ in range(2))
+    found = once.up_to(600).eigenvalues
+    monkeypatch.setattr(spectrum_module, "MANY_PAIRS", found.size + 1)
+    np.testing.assert_allclose(found, repeated.up_to(600).eigenvalues, rtol=1e-9)
+    assert once._parts[0].width < repeated._parts[0].width
+    assert found.size > 200
+
+
 def test_without_wider_blocks_copies_would_be_missed(monkeypatch):
     stiffness, mass, every = copies_of_a_sphere(12, 2)
     monkeypatch.setattr(spectrum_module, "COPY_TOLERANCE", -1)  # nothing is ever that near

@@ -212,7 +212,7 @@ def test_a_sweep_goes_on_past_a_study_that_fails(folder):
 def test_help_lists_what_there_is(tmp_path):
     done = run(tmp_path, "--help")
     assert done.returncode == 0
-    for word in ("decimation, holes, missing_parts", "bundled, custom, files, psb", "+study=NAME", "repeats: 3"):
+    for word in ("\n  decimation ", "\n  psb ", "+study=NAME", "repeats: 3"):
         assert word in done.stdout
 
 

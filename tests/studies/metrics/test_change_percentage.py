@@ -1,3 +1,5 @@
+import tracemalloc
+from importlib import import_module
 from itertools import permutations
 
 import numpy as np
@@ -41,6 +43,48 @@ def overlap(a, b, x, y):
 def test_change_percentage_is_twice_the_fewest_changes_over_all_matchings(ab):
     a, b = ab
     assert change_percentage(a, b) == pytest.approx(200 * fewest_changes(a.tolist(), b.tolist()) / len(a), abs=1e-9)
+
+
+def many_segments(kind):
+    """Two labelings of thousands of segments of the same points."""
+    rng = np.random.default_rng(7)
+    points = np.arange(30_000)
+    match kind:
+        case "random":  # nearly all segments overlap each other in a chain
+            return rng.integers(6_000, size=len(points)), rng.integers(5_000, size=len(points))
+        case "single points":
+            return points[:9_000], rng.permutation(9_000)
+        case "shifted":
+            return points // 5, (points + 2) // 5
+        case "merged":
+            return points // 3, points // 6
+        case "islands":  # groups of segments that overlap within their group only
+            return points // 100 * 100 + rng.integers(9, size=len(points)), points // 100 * 100 + points % 11
+
+
+@pytest.mark.parametrize("kind", ["random", "single points", "shifted", "merged", "islands"])
+def test_the_matching_of_thousands_of_segments_is_the_best_and_takes_little_memory(kind):
+    a, b = many_segments(kind)
+    change_percentage(a[:10], b[:10])  # imports
+    tracemalloc.start()
+    change, back = change_percentage(a, b), change_percentage(b, a)
+    renamed = match_labels(a, b)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 60e6  # a dense table of 5,000 x 6,000 counts has 240 MB
+    assert change == back == 200 * np.count_nonzero(renamed != a) / len(a)
+    best = {"single points": 0, "shifted": 200 * 2 / 5, "merged": 100}
+    assert change == pytest.approx(best.get(kind, change))
+
+
+@pytest.mark.parametrize("largest_dense", [2, 12, 40])
+def test_large_and_small_tables_are_matched_equally_well(largest_dense, monkeypatch):
+    rng = np.random.default_rng(largest_dense)
+    pairs = [[rng.integers(rng.integers(1, 25), size=n) for _ in range(2)] for n in rng.integers(1, 90, size=60)]
+    expected = [change_percentage(*pair) for pair in pairs]
+    monkeypatch.setattr(import_module("studies.metrics.change_percentage"), "MAX_DENSE", largest_dense)
+    assert [change_percentage(*pair) for pair in pairs] == expected
+    assert [200 * np.count_nonzero(match_labels(a, b) != a) / len(a) for a, b in pairs] == pytest.approx(expected)
 
 
 @untimed

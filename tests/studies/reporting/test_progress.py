@@ -27,5 +27,33 @@ def test_it_tells_what_is_done_what_failed_what_is_left_and_what_is_worked_on():
         assert words in out
 
 
-def test_a_file_sees_nothing_of_it():
-    assert shown() == ""
+def lines_of(total, seconds_per_trial, failing=()):
+    """The lines that a file gets of a study whose trials take so long, by a clock that stands still otherwise."""
+    written, now = io.StringIO(), [0.0]
+    with Progress(total, Busy(), Console(file=written, width=60), clock=lambda: now[0]) as progress:
+        for trial in range(total):
+            now[0] += seconds_per_trial
+            progress.count("failed" if trial in failing else "ok")
+    return [line.strip() for line in written.getvalue().splitlines()]
+
+
+def test_a_file_gets_a_line_at_each_tenth_of_the_trials():
+    lines = lines_of(200, 1.0)
+    assert [line.split()[0] for line in lines] == ["20", "40", "60", "80", "100", "120", "140", "160", "180"]
+    assert lines[0] == "20 of 200 trials; 0:03:00 left"
+
+
+def test_a_file_gets_a_line_after_half_a_minute_without_one():
+    assert [line.split()[0] for line in lines_of(2_000, 8.0)][:3] == ["4", "8", "12"]
+    assert len(lines_of(6, 1000.0)) == 5
+
+
+def test_a_file_gets_no_line_of_a_study_that_is_done_in_seconds():
+    assert lines_of(1_000, 0.002) == []
+
+
+def test_a_line_in_a_file_tells_how_many_trials_failed():
+    assert lines_of(20, 10.0, failing=(0, 3))[:2] == [
+        "2 of 20 trials, 1 failed; 0:03:00 left",
+        "4 of 20 trials, 2 failed; 0:02:40 left",
+    ]
