@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 
 # The steps of the walk after which the share of settled points is kept.
 STEPS = (1, 2, 3)
+EACH_CATEGORY = "each_category"
+MOST_OF_A_CLASS = 10
+MOST_IN_A_SHOWCASE = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +80,9 @@ class Anatomy(Experiment):
     ----------
     plates : mapping of str to mapping
         by file stem: ``shows``, one of ``studies.figures.method_figures.PLATES``, and ``models``: their names, of which
-        those in the study are shown, by default the first; or "each_category" for the first model of each category
+        those in the study are shown; or "each_category" for the first model of each category. If the study has none of
+        them, "showcase" shows the first of each category, "class" models of the largest category, and the others the
+        study's first model
     """
 
     plates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -159,10 +164,14 @@ class Anatomy(Experiment):
         good = set(rows.loc[rows["status"] == "ok", "trial_id"])
         by_name = {trial.model.name: trial for trial in reversed(trials) if trial.trial_id in good}
         by_name = dict(reversed(by_name.items()))
+        drawn: set[tuple[str, ...]] = set()
         for stem, plate in self.plates.items():
-            names = _shown_models(plate.get("models"), by_name)
-            if names:
-                yield AnatomyPlate(stem, plate["shows"], [by_name[name] for name in names])
+            names = _shown_models(plate["shows"], plate.get("models"), by_name)
+            chosen = {str(name) for name in plate.get("models") or ()} & set(names)
+            # Of a few models of one category, a showcase and its class would be the same picture.
+            if names and (chosen or plate["shows"] != "class" or tuple(names) not in drawn):
+                drawn.add(tuple(names))
+                yield AnatomyPlate(stem, plate["shows"], [by_name[name] for name in names], title)
 
 
 def _quantities(rows: pd.DataFrame) -> list[dict[str, Any]]:
@@ -194,12 +203,21 @@ def _quantities(rows: pd.DataFrame) -> list[dict[str, Any]]:
     return records
 
 
-def _shown_models(wanted: str | Sequence[str | int] | None, by_name: Mapping[str, Trial]) -> list[str]:
-    """The models of a plate: those wanted that the study has, else the first; or the first of each category."""
-    if wanted == "each_category":
-        first: dict[str, str] = {}
-        for name, trial in by_name.items():
-            first.setdefault(trial.model.category, name)
-        return list(first.values())
-    named = [str(name) for name in wanted or () if str(name) in by_name]
-    return named or list(by_name)[:1]
+def _shown_models(shows: str, wanted: str | Sequence[str | int] | None, by_name: Mapping[str, Trial]) -> list[str]:
+    """The models of a plate: those wanted that the study has, else some that suit what it shows."""
+    from studies.figures.method_figures import OF_MODELS
+
+    named = [str(name) for name in wanted or () if str(name) in by_name] if wanted != EACH_CATEGORY else []
+    if not by_name or (named and not (shows in OF_MODELS and len(named) == 1)):
+        return named
+    by_category: dict[str, list[str]] = {}
+    for name, trial in by_name.items():
+        by_category.setdefault(trial.model.category, []).append(name)
+    if shows == "class":
+        largest = max(by_category.values(), key=len)
+        return largest[:MOST_OF_A_CLASS] if len(largest) > 1 else named
+    if shows == "showcase" or wanted == EACH_CATEGORY:
+        if len(by_category) > 1:
+            return [names[0] for names in by_category.values()]
+        return list(by_name)[:MOST_IN_A_SHOWCASE]
+    return list(by_name)[:1]

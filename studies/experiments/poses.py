@@ -261,12 +261,32 @@ class Poses(Experiment):
         """Some poses side by side, a part in the colour that it has in the first of its shape."""
         from studies.figures.method_figures import PosePlate
 
-        by_pose = {model.name: trial for trial in reversed(trials) for model in getattr(trial, "poses", ())}
+        good = rows[rows["status"] == "ok"]
+        segmented = {*good["model"], *good["other"]}
+        poses = {
+            model.name: trial
+            for trial in reversed(trials)
+            for model in reversed(getattr(trial, "poses", ()))
+            if model.name in segmented
+        }
+        poses = dict(reversed(poses.items()))
         for stem, plate in self.plates.items():
-            named = [str(name) for name in plate["models"] if str(name) in by_pose]
-            all_poses = [model.name for trial in trials for model in getattr(trial, "poses", ())]
-            names = named or list(dict.fromkeys(all_poses))[: self.columns_shown]
-            yield PosePlate(stem, [(by_pose[name], name) for name in names], plate.get("upright", 1))
+            named = [str(name) for name in plate["models"] if str(name) in poses]
+            # Those that are named are a choice from the whole of a dataset: of a part of it, others are shown.
+            few = len(named) < min(self.columns_shown, len(poses))
+            names = _of_each_shape(poses, self.columns_shown) if few else named
+            if names:
+                yield PosePlate(stem, [(poses[name], name) for name in names], plate.get("upright", 1), title)
+
+
+def _of_each_shape(poses: Mapping[str, Trial], count: int) -> list[str]:
+    """About this many poses, the first ones of every shape in turn, shape by shape."""
+    by_shape: dict[str, list[str]] = {}
+    for name, trial in poses.items():
+        by_shape.setdefault(trial.part, []).append(name)
+    longest = max(map(len, by_shape.values()), default=0)
+    in_turn = [names[i] for i in range(longest) for names in by_shape.values() if i < len(names)][:count]
+    return [name for names in by_shape.values() for name in names if name in in_turn]
 
 
 def pair_matrices(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:

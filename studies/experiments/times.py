@@ -240,9 +240,12 @@ class Times(Experiment):
 
         if not self.plate:
             return
-        first = {trial.model.name: trial for trial in reversed(trials)}
+        good = set(rows.loc[rows["status"] == "ok", "trial_id"])
+        first = {trial.model.name: trial for trial in reversed(trials) if trial.trial_id in good}
         named = [first[str(name)] for name in self.plate["models"] if str(name) in first]
-        yield TimePlate(self.plate["stem"], (named or [trials[0]])[0], list(self.plate["times"]))
+        shown = [*named, *reversed(first.values())]
+        if shown:
+            yield TimePlate(self.plate["stem"], shown[0], list(self.plate["times"]), title)
 
 
 def _unchanged(rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str, Any]]:

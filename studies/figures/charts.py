@@ -8,6 +8,7 @@ values are None), from which a web page can render the same data.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,10 @@ NARROW_PANEL = 0.45  # relative width of a panel with a single level
 COMPUTED = "computed"  # the ``source`` of values computed here, in a table of method scores
 WIDE_RANGE = 8  # largest over smallest value of an option from which on its axis is logarithmic
 CHANGE = "Change Percentage"
+OWN_SCALES = "each panel has a scale of its own"
+LOWER_IS_BETTER = "lower is better"
+CROWDED = 0.04  # share of a linear axis below which its levels are too close together to be told apart
+FEWEST_TICKS = 3
 MEAN = "mean, 95 % interval"
 
 Number = float | None  # None if the value is missing
@@ -259,6 +264,8 @@ class Chart:
         text above the legend
     per_row : int
         number of panels in a row; 0 if all are in one row
+    subtitle : str
+        how to read the chart, below the title
 
     Examples
     --------
@@ -274,6 +281,7 @@ class Chart:
     panels: tuple[Panel, ...] | tuple[HeatMap, ...]
     legend_title: str = ""
     per_row: int = 0
+    subtitle: str = ""
 
 
 def level_curve(table: Table, rows: pd.DataFrame, axis: str, title: str) -> Chart:
@@ -315,7 +323,7 @@ def level_curve(table: Table, rows: pd.DataFrame, axis: str, title: str) -> Char
     mean_label = f"{MEAN} ({count_of(n_models, 'model')})"
     models, bands = ((), ()) if several else _behind_the_mean(rows)
     panel = Panel(
-        x=Axis(f"{axis} ({_units(table.frame)})", ticks=_levels(table.frame)),
+        x=_level_axis(f"{axis} ({_units(table.frame)})", _levels(table.frame)),
         y=Axis(CHANGE, from_zero=True),
         series=(*models, *_mean_series(table.frame, mean_label), *_published_series(table, table.frame)),
         bands=bands,
@@ -363,14 +371,15 @@ def part_panels(table: Table, named: Mapping[str, tuple[str, str]], title: str) 
         )
         panels.append(
             Panel(
-                x=Axis(f"{axis}\n({_units(frame)})", ticks=levels),
+                x=_level_axis(f"{axis}\n({_units(frame)})", levels),
                 y=Axis("" if panels else CHANGE, from_zero=True),
                 title=heading,
                 series=(*_mean_series(frame, MEAN, segmenters), *medians, *_published_series(table, frame)),
                 width=1.0 if len(levels) > 1 else NARROW_PANEL,
             )
         )
-    return Chart(title, tuple(panels), legend_title=MEAN if several else "")
+    subtitle = OWN_SCALES if len(panels) > 1 else ""
+    return Chart(title, tuple(panels), legend_title=MEAN if several else "", subtitle=subtitle)
 
 
 def swept_curve(table: Table, options: Sequence[str], title: str) -> Chart | None:
@@ -582,7 +591,7 @@ def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
         ``frame`` has the columns method, source (``COMPUTED`` or another word), and for each metric METRIC, METRIC_low
         and METRIC_high (missing if there is no interval)
     metrics : sequence of Column
-        the metrics, headed by their short names
+        the metrics; one whose heading is an abbreviation is named by the beginning of its help
     title : str
         title of the chart
 
@@ -597,9 +606,10 @@ def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
     >>> import pandas as pd
     >>> frame = pd.DataFrame({"method": ["HeatWalk"], "source": ["computed"], "gce": [0.22], "gce_low": [0.20],
     ...                       "gce_high": [0.23]})
-    >>> chart = method_scores(Table("table", frame), [Column(name="gce", heading="GCE")], "Table 1")
+    >>> metric = Column(name="gce", heading="GCE", help="Global consistency error, by area.")
+    >>> chart = method_scores(Table("table", frame), [metric], "Table 1")
     >>> chart.panels[0].x.label, chart.panels[0].dots[0].values
-    ('GCE', (0.22,))
+    ('Global consistency error', (0.22,))
     """
     frame = table.frame
     methods = tuple(dict.fromkeys(frame["method"].astype(str)))
@@ -624,8 +634,16 @@ def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
                     group=others.index(source) if source in others else 0,
                 )
             )
-        panels.append(Panel(Axis(metric.title, from_zero=True), Axis(categories=methods), dots=tuple(dots)))
-    return Chart(title, tuple(panels))
+        panels.append(Panel(Axis(_spelled_out(metric), from_zero=True), Axis(categories=methods), dots=tuple(dots)))
+    better = {metric.lower_is_better for metric in metrics}
+    subtitle = "; ".join(filter(None, (LOWER_IS_BETTER if better == {True} else "", OWN_SCALES if panels else "")))
+    return Chart(title, tuple(panels), subtitle=subtitle)
+
+
+def _spelled_out(metric: Column) -> str:
+    """The name of a metric whose heading is an abbreviation: what its help explains."""
+    name = re.split("[:,.]", metric.help)[0] if metric.title.isupper() else ""
+    return name or metric.title
 
 
 def _mean_series(frame: pd.DataFrame, label: str, segmenters: Sequence[str] = ()) -> list[Series]:
@@ -729,6 +747,53 @@ def _shape_and_segmenter(key: str | tuple[str, ...]) -> tuple[str, str]:
 def _largest(change: pd.DataFrame) -> float:
     values = change.to_numpy(dtype=float)
     return float(np.nanmax(values)) if (~np.isnan(values)).any() else 0.0
+
+
+def logarithmic_ticks(low: float, high: float) -> tuple[float, ...]:
+    """Round values to label on a logarithmic axis, at least two of them on an axis of any length.
+
+    Parameters
+    ----------
+    low, high : float
+        ends of the axis, above 0
+
+    Returns
+    -------
+    tuple of float
+        powers of ten; or these times 1, 2 and 5, or 1 to 9, if there are too few of them; or equally spaced values on
+        an axis of less than that
+
+    Examples
+    --------
+    >>> logarithmic_ticks(0.9, 1200), logarithmic_ticks(0.13, 12)
+    ((1.0, 10.0, 100.0, 1000.0), (0.2, 0.5, 1.0, 2.0, 5.0, 10.0))
+    >>> logarithmic_ticks(0.85, 0.93)
+    (0.86, 0.88, 0.9, 0.92)
+    """
+    if low == high:
+        return (low,)
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    for digits in ((1,), (1, 2, 5), range(1, 10)):
+        ticks = [float(f"{digit}e{exponent}") for exponent in exponents for digit in digits]
+        ticks = [tick for tick in ticks if low <= tick <= high]
+        if len(ticks) >= FEWEST_TICKS:
+            return tuple(ticks)
+    return _equally_spaced(low, high)
+
+
+def _equally_spaced(low: float, high: float) -> tuple[float, ...]:
+    """Multiples of a round step within a range: three to six."""
+    rough = (high - low) / 4
+    unit = 10.0 ** math.floor(math.log10(rough))
+    step = next(digit * unit for digit in (5, 2, 1) if digit * unit <= rough)
+    return tuple(float(f"{k * step:.12g}") for k in range(math.ceil(low / step), math.floor(high / step) + 1))
+
+
+def _level_axis(label: str, levels: tuple[float, ...]) -> Axis:
+    """The axis of a study's levels: logarithmic if a linear one would crowd the small ones together."""
+    gaps = np.diff(levels) / np.ptp(levels) if len(levels) > 2 else np.ones(1)
+    crowded = bool(min(levels, default=0.0) > 0 and max(levels) > 10 * min(levels) and gaps.min() < CROWDED)
+    return Axis(label, ticks=levels, logarithmic=crowded)
 
 
 def round_values(values: Sequence[float]) -> tuple[float, ...]:

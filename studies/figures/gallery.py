@@ -2,33 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from scipy.ndimage import uniform_filter
 
 from studies.figures.colours import BACKGROUND, match_colours
-from studies.figures.pictures import Picture, Tile
-from studies.figures.surfaces import surface
+from studies.figures.pictures import Picture, Row, Tile, label_of
+from studies.figures.surfaces import TILE, pixel_length, surface, visible_faces
 from studies.figures.views import View, view_along, view_of
 
 if TYPE_CHECKING:
     import pandas as pd
+    import trimesh
     from matplotlib.figure import Figure
 
 # How variants are drawn:
-#   variant      segmented, all in one frame
-#   on_original  the same, and above it the original with the variant's segments, in a frame of its own
+#   variant      segmented, all in one frame; where a part is gone, it is drawn faintly
+#   on_original  the original with the variant's segments, and below it the variant, in a frame of its own
 #   transparent  the faces that the original does not have are black, seen through the rest
-#   edges        with the edges of the triangles
-#   scaled       each in a frame of its own, and laid out in proportion
+#   edges        the same as variant, and below it a detail with the edges of the triangles
+#   scaled       each in a frame of its own, with a scale bar
 STYLES = ("variant", "on_original", "transparent", "edges", "scaled")
 
+SAME_LENGTH = "every bar has the same length on its surface"
+# What the rows of a model contain besides its variants, and how to read the pictures: by style.
+ROWS = {
+    "on_original": (": the variants' segments on the original", f": the variants; {SAME_LENGTH}"),
+    "edges": ("", ": a detail, with the edges of the triangles"),
+}
+REMARKS = {"scaled": f"each in a frame of its own: {SAME_LENGTH}", "transparent": "black: what was added"}
+
+GONE = "faint: what is missing"
+
 FEW_MODELS = 3  # models that are shown if none of the named ones exists
-LARGEST_SCALE = 3.0  # scale of the largest variant that is laid out in proportion
 OPACITY = 0.35  # of a surface through which added faces are seen
+RULER = 0.5  # length of the longest scale bar, as a share of the smaller side of a picture
+DETAIL_EDGES = 24  # mean edge lengths across a detail
+LARGEST_DETAIL = 0.5  # of the shape
+DENSE = 12.0  # pixels; with shorter edges, a surface that shows them would be black
+
+# Degrees by which the camera is moved if the usual view hides what is missing.
+TURNS = (0.0, 180.0, 45.0, -45.0, 135.0, -135.0)
+MUCH_GONE = 0.01  # share of the faces from which on it matters where they were
+VISIBLE_ENOUGH = 0.7  # of what the best view shows
 
 Labels = Mapping[str, np.ndarray]
 Item = TypeVar("Item")
@@ -87,7 +107,7 @@ class GalleryPicture(Picture):
     chosen : sequence of sequences of Trial
         from `choose_trials`
     rows : DataFrame
-        rows of the trials, with the columns trial_id, change_percentage, unit and segmenter
+        rows of the study, with the columns trial_id, part, level, change_percentage, unit and segmenter
     axes : mapping
         part -> what its levels are
     style : str
@@ -125,8 +145,8 @@ class GalleryPicture(Picture):
 
     @property
     def content(self) -> str:
-        """The style and the ids of the trials."""
-        return " ".join([self.style, *(trial.trial_id for line in self.chosen for trial in line)])
+        """The title, the style and the ids of the trials."""
+        return " ".join([self.title, self.style, *(trial.trial_id for line in self.chosen for trial in line)])
 
     def tasks(self) -> list[tuple[Sequence[Any], str, list[Labels | None]]]:
         """For each line its trials, the style, and the labels that are stored."""
@@ -134,43 +154,74 @@ class GalleryPicture(Picture):
         return [(line, self.style, [stored(trial.trial_id) for trial in line]) for line in self.chosen]
 
     @staticmethod
-    def function(task: tuple[Sequence[Any], str, list[Labels | None]]) -> list[np.ndarray]:
+    def function(task: tuple[Sequence[Any], str, list[Labels | None]]) -> list[Strip]:
         """Render the original and the variants of a line."""
         return draw_line(*task)
 
-    def figure(self, results: Sequence[Sequence[np.ndarray]]) -> Figure:
+    def figure(self, results: Sequence[Sequence[Strip]]) -> Figure:
         """Lay the lines out, captioned with levels and Change Percentages."""
         from studies.figures.layout import lay_out  # loads matplotlib, which no worker needs
 
-        lines = [self._tiles(trials, pictures) for trials, pictures in zip(self.chosen, results, strict=True)]
-        axis = ""
+        rows = [row for trials, strips in zip(self.chosen, results, strict=True) for row in self._rows(trials, strips)]
+        axis = "the last level of each part"
         if len(self.axes) == 1:
             units = " and ".join(self.rows["unit"].unique()).replace("_", " ")
-            axis = f": {next(iter(self.axes.values()))} ({units})"
-        return lay_out(lines, f"{self.title}{axis}; CP: Change Percentage")
+            axis = f"{next(iter(self.axes.values()))} ({units})"
+        of_strips = dict.fromkeys(strip.remark for strips in results for strip in strips)
+        remarks = (axis, "CP: Change Percentage", REMARKS.get(self.style, ""), *of_strips)
+        return lay_out(rows, self.title, "; ".join(filter(None, remarks)))
 
-    def _tiles(self, trials: Sequence[Any], pictures: Sequence[np.ndarray]) -> list[Tile]:
-        from studies.figures.layout import shrink
-
-        change = self.rows.set_index("trial_id")["change_percentage"]
+    def _rows(self, trials: Sequence[Any], strips: Sequence[Strip]) -> Iterator[Row]:
+        """The rows of a line: a tile for each level that any line shows, empty if there is no result here."""
         several_segmenters = "segmenter" in self.rows and self.rows["segmenter"].nunique() > 1
-        original = f"{trials[0].model.name}: original"
-        captions = [f"{original}\n{trials[0].segmenter_name}" if several_segmenters else original]
-        for trial in trials:
-            part = f"{trial.part} ".replace("_", " ") if len(self.axes) > 1 else ""
-            captions.append(f"{part}{trial.level:g}: CP {change[trial.trial_id]:.1f} %")
-        scales = [1.0, *(trial.level for trial in trials)]
-        drawn = zip(pictures, captions, scales, strict=True)
-        if self.style != "scaled":
-            return [Tile(picture, caption) for picture, caption, _ in drawn]
-        return [
-            Tile(shrink(picture, scale / LARGEST_SCALE), caption)
-            for picture, caption, scale in drawn
-            if scale <= LARGEST_SCALE
-        ]
+        label = label_of(trials[0].model) + (f", {trials[0].segmenter_name}" if several_segmenters else "")
+        at = {(trial.part, trial.level): i for i, trial in enumerate(trials, start=1)}
+        for number, strip in enumerate(strips):
+            tiles = [Tile(strip.pictures[0], "original" if number == 0 else "", ruler=strip.rulers[0])]
+            for level in self._levels():
+                i = at.get(level)
+                if i is None:
+                    tiles.append(Tile(np.full_like(strip.pictures[0], 255), self._caption(*level, None)))
+                else:
+                    caption = self._caption(*level, trials[i - 1]) if number == 0 else ""
+                    tiles.append(Tile(strip.pictures[i], caption, ruler=strip.rulers[i]))
+            yield Row(tiles, label + ROWS.get(self.style, ("",))[number])
+
+    def _levels(self) -> list[tuple[str, float]]:
+        """Parts and levels that are shown, in the order of the study."""
+        shown = {(trial.part, trial.level) for line in self.chosen for trial in line}
+        in_order = dict.fromkeys(zip(self.rows["part"], self.rows["level"], strict=True))
+        return [level for level in in_order if level in shown]
+
+    def _caption(self, part: str, level: float, trial: Any) -> str:
+        named = f"{part} ".replace("_", " ") if len(self.axes) > 1 else ""
+        between = "\n" if named else " "
+        if trial is None:
+            return f"{named}{level:g}:{between}failed"
+        change = self.rows.set_index("trial_id")["change_percentage"]
+        return f"{named}{level:g}:{between}CP {change[trial.trial_id]:.1f} %"
 
 
-def draw_line(trials: Sequence[Any], style: str, stored: Sequence[Labels | None]) -> list[np.ndarray]:
+@dataclass(frozen=True, eq=False)
+class Strip:
+    """Pictures of an original and its variants, side by side.
+
+    Parameters
+    ----------
+    pictures : list of (height, width, 3) uint8 arrays
+        of one size
+    rulers : list of float
+        for each, how many pixels a certain length has; 0 if all are in one frame
+    remark : str
+        how to read these pictures
+    """
+
+    pictures: list[np.ndarray]
+    rulers: list[float]
+    remark: str = ""
+
+
+def draw_line(trials: Sequence[Any], style: str, stored: Sequence[Labels | None]) -> list[Strip]:
     """Render the original of a model and its variants from the same side.
 
     Parameters
@@ -184,8 +235,8 @@ def draw_line(trials: Sequence[Any], style: str, stored: Sequence[Labels | None]
 
     Returns
     -------
-    list of (height, width, 3) uint8 arrays
-        the original, then each variant
+    list of Strip
+        the original and each variant; two strips of the styles in ``ROWS``
     """
     of_original = next((arrays["reference_labels"] for arrays in stored if arrays is not None), None)
     reference = trials[0].reference(of_original)
@@ -193,16 +244,147 @@ def draw_line(trials: Sequence[Any], style: str, stored: Sequence[Labels | None]
         trial.variant(reference, None if arrays is None else arrays["labels"])
         for trial, arrays in zip(trials, stored, strict=True)
     ]
-    own = common = view_of(np.asarray(reference.mesh.vertices))
-    if style != "scaled":
-        # Wide enough for what protrudes from the original.
-        vertices = np.concatenate([reference.mesh.vertices, *(variant.mesh.vertices for variant in variants)])
-        common = view_along(vertices, own.axes)
-    view = own if style == "on_original" else common
-    original = surface(reference.mesh, view, labels=reference.labels, edges=style == "edges")
+    own = choose_view(reference.mesh, [variant.counterpart for variant in variants])
+    # The original and each variant, in the colours of the original's parts.
+    meshes = [reference.mesh, *(variant.mesh for variant in variants)]
+    labels = [reference.labels, *map(_colours_of_original, variants)]
+    # Wide enough for what protrudes from the original.
+    common = view_along(np.concatenate([mesh.vertices for mesh in meshes]), own.axes)
+    if style == "scaled":
+        return [_framed_strip(meshes, labels, own)]
     if style == "on_original":
-        original = np.concatenate([original, np.full_like(original, 255)])
-    return [original, *(_draw_variant(variant, own, common, style) for variant in variants)]
+        # A vertex that is gone has no label, and is drawn in grey.
+        carried = [
+            np.where(variant.counterpart < 0, BACKGROUND, of_variant[variant.counterpart])
+            for variant, of_variant in zip(variants, labels[1:], strict=True)
+        ]
+        upper = [surface(reference.mesh, own, labels=each) for each in (reference.labels, *carried)]
+        return [_strip(upper), _framed_strip(meshes, labels, own)]
+    if style == "edges":
+        return _strips_with_edges(meshes, labels, common)
+    if style == "transparent":
+        added = [_added_faces(variant) for variant in variants]
+        seen_through = [
+            surface(mesh, common, labels=each, solid=solid, opacity=OPACITY)
+            for mesh, each, solid in zip(meshes[1:], labels[1:], added, strict=True)
+        ]
+        return [_strip([surface(reference.mesh, common, labels=reference.labels), *seen_through])]
+    ghosts = [None, *map(_cut_off, variants)]
+    pictures = [
+        surface(mesh, common, labels=each, ghost=ghost)
+        for mesh, each, ghost in zip(meshes, labels, ghosts, strict=True)
+    ]
+    return [_strip(pictures, GONE if any(ghost is not None for ghost in ghosts) else "")]
+
+
+def choose_view(mesh: trimesh.Trimesh, counterparts: Sequence[np.ndarray]) -> View:
+    """The view that shows what the variants of a shape lack: the usual one, unless that hides it.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        n vertices, the original
+    counterparts : sequence of (n,) int arrays
+        for each variant, its vertex for each vertex of the original, -1 if it is gone
+
+    Returns
+    -------
+    View
+        framed on the original
+    """
+    vertices = np.asarray(mesh.vertices)
+    gone = [faces for faces in (_gone_faces(mesh, each) for each in counterparts) if faces.mean() > MUCH_GONE]
+    views = [view_of(vertices, turn=turn) for turn in TURNS]
+    if not gone:
+        return views[0]
+    shares = np.array([_visible_shares(mesh, view, gone) for view in views])
+    # What is least visible counts, relative to the view that shows most of it.
+    score = (shares / np.maximum(shares.max(axis=0), 1e-9)).min(axis=1)
+    return views[0] if score[0] >= VISIBLE_ENOUGH * score.max() else views[int(score.argmax())]
+
+
+def _gone_faces(mesh: trimesh.Trimesh, counterpart: np.ndarray) -> np.ndarray:
+    """The faces of an original of which no corner is left: (m,) bool array."""
+    return np.all(counterpart[mesh.faces] < 0, axis=1)
+
+
+def _cut_off(variant: Any) -> trimesh.Trimesh | None:
+    """What a variant lacks, up to its border; None if that is little."""
+    original = variant.reference.mesh
+    if _gone_faces(original, variant.counterpart).mean() <= MUCH_GONE:
+        return None
+    touched = np.any(variant.counterpart[original.faces] < 0, axis=1)
+    return original.submesh([np.flatnonzero(touched)], append=True, repair=False)
+
+
+def _visible_shares(mesh: trimesh.Trimesh, view: View, gone: Sequence[np.ndarray]) -> list[float]:
+    """The share of a picture of the original that each set of faces takes."""
+    seen = visible_faces(mesh, view)
+    seen = seen[seen >= 0]
+    return [float(faces[seen].mean()) for faces in gone]
+
+
+def detail_view(mesh: trimesh.Trimesh, labels: np.ndarray, view: View) -> View:
+    """A frame of some triangles that face the camera, with a boundary between segments in it if there is one.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        n vertices
+    labels : (n,) int array
+    view : View
+        of the whole shape
+
+    Returns
+    -------
+    View
+        along the same axes, ``DETAIL_EDGES`` mean edge lengths wide, and at most half as large as the shape
+    """
+    size = (180, 150)
+    seen = visible_faces(mesh, view, size)
+    extent = min(DETAIL_EDGES * float(mesh.edges_unique_length.mean()), LARGEST_DETAIL * float(view.extent.max()))
+    window = max(round(extent / pixel_length(view, size)), 3)
+    facing = np.where(seen >= 0, (mesh.face_normals @ view.axes[2])[seen], 0.0).clip(0)
+    label = np.where(seen >= 0, labels[mesh.faces[:, 0]][seen], BACKGROUND - 1)
+    boundary = np.zeros(seen.shape)
+    boundary[:, 1:] += (label[:, 1:] != label[:, :-1]) & (seen[:, 1:] >= 0) & (seen[:, :-1] >= 0)
+    score = uniform_filter(facing, window, mode="constant")
+    score = score + 0.3 * (uniform_filter(boundary, max(window // 2, 1), mode="constant") > 1e-9)
+    row, column = np.unravel_index(np.where(seen >= 0, score, -1.0).argmax(), seen.shape)
+    centre = np.asarray(mesh.triangles_center[seen[row, column]])
+    return View(view.axes, centre, np.array([extent, extent * size[1] / size[0]]))
+
+
+def _strip(pictures: list[np.ndarray], remark: str = "") -> Strip:
+    return Strip(pictures, [0.0] * len(pictures), remark)
+
+
+def _framed_strip(meshes: Sequence[trimesh.Trimesh], labels: Sequence[np.ndarray], own: View) -> Strip:
+    """Each mesh in a frame of its own, with a scale bar."""
+    views = [view_along(np.asarray(mesh.vertices), own.axes) for mesh in meshes]
+    units = [pixel_length(view) for view in views]
+    pictures = [surface(mesh, view, labels=each) for mesh, view, each in zip(meshes, views, labels, strict=True)]
+    return Strip(pictures, [RULER * min(TILE) * min(units) / unit for unit in units])
+
+
+def _strips_with_edges(meshes: Sequence[trimesh.Trimesh], labels: Sequence[np.ndarray], common: View) -> list[Strip]:
+    """The whole shapes, with edges only where these are far enough apart, and a detail of each."""
+    detail = detail_view(meshes[0], labels[0], common)
+    whole = [
+        surface(mesh, common, labels=each, edges=mesh.edges_unique_length.mean() > DENSE * pixel_length(common))
+        for mesh, each in zip(meshes, labels, strict=True)
+    ]
+    close = [surface(mesh, detail, labels=each, edges=True) for mesh, each in zip(meshes, labels, strict=True)]
+    return [_strip(whole), _strip(close)]
+
+
+def _colours_of_original(variant: Any) -> np.ndarray:
+    before, after = variant.compared()
+    return match_colours(before, after, variant.labels)
+
+
+def _added_faces(variant: Any) -> np.ndarray:
+    return find_added_faces(variant.reference.mesh.faces, variant.mesh.faces, variant.counterpart)
 
 
 def find_added_faces(original: np.ndarray, faces: np.ndarray, counterpart: np.ndarray) -> np.ndarray:
@@ -231,22 +413,6 @@ def find_added_faces(original: np.ndarray, faces: np.ndarray, counterpart: np.nd
     kept = np.sort(kept[(kept >= 0).all(axis=1)], axis=1)
     _, number = np.unique(np.concatenate([kept, np.sort(faces, axis=1)]), axis=0, return_inverse=True)
     return np.isin(number[len(kept) :], number[: len(kept)], invert=True)
-
-
-def _draw_variant(variant: Any, own: View, common: View, style: str) -> np.ndarray:
-    reference, compared = variant.compared()
-    labels = match_colours(reference, compared, variant.labels)
-    original = variant.reference.mesh
-    if style == "transparent":
-        added = find_added_faces(original.faces, variant.mesh.faces, variant.counterpart)
-        return surface(variant.mesh, common, labels=labels, solid=added, opacity=OPACITY)
-    view = view_along(np.asarray(variant.mesh.vertices), own.axes) if style == "scaled" else common
-    drawn = surface(variant.mesh, view, labels=labels, edges=style == "edges")
-    if style == "on_original":
-        # A vertex that is gone has no label, and is drawn in grey.
-        carried = np.where(variant.counterpart < 0, BACKGROUND, labels[variant.counterpart])
-        return np.concatenate([surface(original, own, labels=carried), drawn])
-    return drawn
 
 
 def _evenly(items: list[Item], count: int) -> list[Item]:

@@ -1,41 +1,41 @@
 """Lays rendered surfaces out in rows, each below its caption, on the width of two columns of a paper."""
 
-import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from PIL import Image
 
-from studies.figures.drawing import styled
-from studies.figures.pictures import ColourBar, Tile
-from studies.figures.style import FIELD_COLOURS, TWO_COLUMNS
+from studies.figures.drawing import add_heading, styled
+from studies.figures.pictures import ColourBar, Row, Tile
+from studies.figures.style import FIELD_COLOURS, LABEL, SMALL, TWO_COLUMNS
+from studies.figures.typography import displayable, families, shorten, width
 
 # In inches.
 WIDEST_TILE = 2.4
+NARROWEST = 3.4  # figure, so that its title has room
 GAP = 0.04  # between tiles
 CAPTION_LINE = 0.14
-HEADING_LINE = 0.16
+LABEL_LINE = 0.17  # of a row
 BAR_SPACE = 0.32  # below a picture with a colour bar
-
-LETTERS_PER_INCH = 15  # of a heading
+RULER_SPACE = 0.1  # below a picture with a scale bar
 
 
 @styled
-def lay_out(lines: Sequence[Sequence[Tile]], heading: str = "") -> Figure:
+def lay_out(rows: Sequence[Row | Sequence[Tile]], title: str = "", subtitle: str = "") -> Figure:
     """Lay out tiles in rows.
 
     The pictures of a row are cropped alike, so that pictures of the same frame keep it.
 
     Parameters
     ----------
-    lines : sequence of sequences of Tile
-        the rows; the pictures of a row have the same size
-    heading : str
-        text above all of them, wrapped to the width
+    rows : sequence of Row
+        or of sequences of tiles, which are rows without a label; the pictures of a row have the same size
+    title, subtitle : str
+        text above all of them, see `studies.figures.drawing.add_heading`
 
     Returns
     -------
@@ -46,65 +46,75 @@ def lay_out(lines: Sequence[Sequence[Tile]], heading: str = "") -> Figure:
     --------
     >>> picture = np.full((60, 80, 3), 255, dtype=np.uint8)
     >>> picture[20:40, 20:60] = 0
-    >>> figure = lay_out([[Tile(picture, "first"), Tile(picture, "second")]], "Two tiles")
+    >>> figure = lay_out([Row([Tile(picture, "first"), Tile(picture, "second")], "Ant 81")], "Two tiles")
     >>> [text.get_text() for text in figure.texts]
-    ['Two tiles', 'first', 'second']
+    ['Two tiles', 'Ant 81', 'first', 'second']
     """
-    pictures = [_cropped([tile.picture for tile in line]) for line in lines]
-    longest = max(map(len, lines))
-    cell = min(TWO_COLUMNS / longest, WIDEST_TILE)
-    width = cell * longest
-    heights = [min((cell - GAP) * row[0].shape[0] / row[0].shape[1], 1.4 * cell) for row in pictures]
-    captions = [CAPTION_LINE * (1 + max(tile.caption.count("\n") for tile in line)) + GAP for line in lines]
-    below = BAR_SPACE if any(tile.bar is not None for line in lines for tile in line) else 0.0
-    heading = "\n".join(textwrap.wrap(heading, max(int(LETTERS_PER_INCH * width), 30)))
-    head = 0.1 + HEADING_LINE * (1 + heading.count("\n")) if heading else 0.0
-    total = head + sum(heights) + sum(captions) + below * len(lines)
+    labelled = [row if isinstance(row, Row) else Row(row) for row in rows]
+    with matplotlib.rc_context({"font.family": families(map(displayable, [title, subtitle, *_texts(labelled)]))}):
+        return _lay_out(labelled, title, subtitle)
 
-    figure = Figure(figsize=(width, total))
-    if heading:
-        figure.text(0.5, 1 - 0.07 / total, heading, ha="center", va="top", fontsize=9)
-    top = total - head
-    for line, row, height, above in zip(lines, pictures, heights, captions, strict=True):
-        bottom = top - above - height
-        for i, (tile, picture) in enumerate(zip(line, row, strict=True)):
-            place = ((i * cell + GAP / 2) / width, bottom / total, (cell - GAP) / width, height / total)
-            axes = figure.add_axes(place)
+
+def _lay_out(rows: Sequence[Row], title: str, subtitle: str) -> Figure:
+    longest = max(len(row.tiles) for row in rows)
+    cell = min(TWO_COLUMNS / longest, WIDEST_TILE)
+    across = max(cell * longest, NARROWEST)
+    pictures = [_cropped([tile.picture for tile in row.tiles]) for row in rows]
+    heights = [min((cell - GAP) * row[0].shape[0] / row[0].shape[1], 1.4 * cell) for row in pictures]
+    captions = [_space_above(row) for row in rows]
+    labels = [LABEL_LINE if row.label else 0.0 for row in rows]
+    below = [_space_below(row) for row in rows]
+    total = sum(heights) + sum(captions) + sum(labels) + sum(below) + GAP
+
+    figure = Figure(figsize=(across, total))
+    whole = total + add_heading(figure, title, subtitle)
+    left = (across - cell * longest) / 2
+    top = total
+    for row, cropped, height, caption, label, under in zip(
+        rows, pictures, heights, captions, labels, below, strict=True
+    ):
+        if row.label:
+            text = shorten(displayable(row.label), 1.15 * LABEL, across - 2 * GAP)  # bold letters are wider
+            figure.text(GAP / across, (top - 0.05) / whole, text, va="top", fontsize=LABEL, fontweight="bold")
+        bottom = top - label - caption - height
+        for i, (tile, picture) in enumerate(zip(row.tiles, cropped, strict=True)):
+            start = left + i * cell
+            axes = figure.add_axes(((start + GAP / 2) / across, bottom / whole, (cell - GAP) / across, height / whole))
             axes.set_axis_off()
             axes.imshow(picture, interpolation="antialiased")
-            middle = (i + 0.5) * cell / width
-            figure.text(middle, (bottom + height + 0.03) / total, tile.caption, ha="center", va="bottom", fontsize=7)
+            # Captions of narrow tiles are smaller rather than cut off, unless they are very long.
+            lines = [displayable(line) for line in tile.caption.split("\n")]
+            size = SMALL if max(width(line, SMALL) for line in lines) <= cell else SMALL - 1
+            figure.text(
+                (start + cell / 2) / across, (bottom + height + 0.03) / whole,
+                "\n".join(shorten(line, size, cell) for line in lines), ha="center", va="bottom", fontsize=size,
+            )  # fmt: skip
             if tile.bar is not None:
                 _draw_colour_bar(axes, tile.bar, height)
-        top = bottom - below
+            if tile.ruler:
+                inch = min((cell - GAP) / picture.shape[1], height / picture.shape[0])  # of a pixel
+                _draw_ruler(axes, tile.ruler * inch / (cell - GAP), height)
+        top = bottom - under
     return figure
 
 
-def shrink(picture: np.ndarray, share: float) -> np.ndarray:
-    """A picture at a share of its size, in the middle of the bottom of a white one of its former size.
+def _texts(rows: Sequence[Row]) -> Iterator[str]:
+    for row in rows:
+        yield row.label
+        for tile in row.tiles:
+            yield tile.caption
+            yield tile.bar.unit if tile.bar else ""
 
-    Parameters
-    ----------
-    picture : (height, width, 3) uint8 array
-    share : float
-        0 to 1; at least one pixel remains
 
-    Returns
-    -------
-    (height, width, 3) uint8 array
+def _space_above(row: Row) -> float:
+    lines = max(1 + tile.caption.count("\n") if tile.caption else 0 for tile in row.tiles)
+    return CAPTION_LINE * lines + GAP
 
-    Examples
-    --------
-    >>> small = shrink(np.zeros((90, 120, 3), np.uint8), 1 / 3)
-    >>> small[:60].min(), small[60:, 40:80].max()
-    (np.uint8(255), np.uint8(0))
-    """
-    height, width, _ = picture.shape
-    size = (max(1, round(width * share)), max(1, round(height * share)))
-    small = Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS)
-    sheet = Image.new("RGB", (width, height), "white")
-    sheet.paste(small, ((width - small.width) // 2, height - small.height))
-    return np.asarray(sheet)
+
+def _space_below(row: Row) -> float:
+    if any(tile.bar is not None for tile in row.tiles):
+        return BAR_SPACE
+    return RULER_SPACE if any(tile.ruler for tile in row.tiles) else 0.0
 
 
 def _cropped(pictures: list[np.ndarray]) -> list[np.ndarray]:
@@ -123,5 +133,14 @@ def _draw_colour_bar(axes: Axes, bar: ColourBar, height: float) -> None:
     drawn = axes.figure.colorbar(colours, cax=place, orientation="horizontal")
     drawn.set_ticks([bar.low, (bar.low + bar.high) / 2, bar.high])
     drawn.ax.set_xticklabels([f"{bar.low if bar.low > bar.high / 1000 else 0:.2g}", bar.unit, f"{bar.high:.2g}"])
-    drawn.ax.tick_params(length=2, pad=1, labelsize=7)
+    drawn.ax.tick_params(length=2, pad=1, labelsize=SMALL)
     drawn.outline.set_linewidth(0.4)
+
+
+def _draw_ruler(axes: Axes, length: float, height: float) -> None:
+    """A scale bar below a picture of this height in inches; its length is a share of the picture's width."""
+    middle, y = 0.5, -0.05 / height
+    axes.plot(
+        [middle - length / 2, middle + length / 2], [y, y], color="black", lw=1.2, marker="|", ms=4,
+        transform=axes.transAxes, clip_on=False, scalex=False, scaley=False,
+    )  # fmt: skip

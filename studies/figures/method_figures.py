@@ -6,6 +6,8 @@ caption. The pictures `AnatomyPlate`, `PosePlate` and `TimePlate` call them in a
 
 from __future__ import annotations
 
+import math
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -15,7 +17,8 @@ import numpy as np
 import perturb
 from heatwalk.io import label_colours
 from studies.figures.colours import BACKGROUND, match_colours
-from studies.figures.pictures import ColourBar, Picture, Tile
+from studies.figures.parts import describe_parts, match_parts, most_typical
+from studies.figures.pictures import ColourBar, Picture, Row, Tile, label_of
 from studies.figures.surfaces import surface
 from studies.figures.views import view_of
 from studies.metrics import change_percentage
@@ -43,13 +46,12 @@ class MethodFigure:
 
     Parameters
     ----------
-    lines : list of lists of Tile
-        the rows
+    rows : list of Row
     numbers : dict
         name -> number or numbers; each function documents its own
     """
 
-    lines: list[list[Tile]]
+    rows: list[Row]
     numbers: dict[str, Any] = field(default_factory=dict)
 
 
@@ -88,7 +90,7 @@ def pipeline(mesh: trimesh.Trimesh, seg: Segmentation) -> MethodFigure:
         "accumulator_regions": len(seg.exemplars),
         "dissipator_share": float(seg.dissipates.mean()),
     }
-    return MethodFigure([tiles], numbers)
+    return MethodFigure([Row(tiles)], numbers)
 
 
 def diffusion(mesh: trimesh.Trimesh, seg: Segmentation) -> MethodFigure:
@@ -128,7 +130,7 @@ def diffusion(mesh: trimesh.Trimesh, seg: Segmentation) -> MethodFigure:
         )
         caption = f"{name}: radius {radius:.2f}, {100 * area:.0f} % of the area"
         tiles.append(Tile(picture, caption, ColourBar(0.0, hottest, "heat")))
-    return MethodFigure([tiles], numbers)
+    return MethodFigure([Row(tiles)], numbers)
 
 
 def diffusion_radius(mesh: trimesh.Trimesh, kernel: HeatKernel, point: int) -> tuple[float, np.ndarray]:
@@ -224,11 +226,14 @@ def divergences(mesh: trimesh.Trimesh, seg: Segmentation) -> MethodFigure:
         for values, caption, unit in functions.values()
     ]
     numbers = {name: (float(values.min()), float(values.max())) for name, (values, _, _) in functions.items()}
-    return MethodFigure([tiles], numbers)
+    return MethodFigure([Row(tiles)], numbers)
 
 
 def showcase(
-    items: Iterable[tuple[trimesh.Trimesh, np.ndarray, str]], columns: int = SHAPES_PER_ROW, upright: int = 1
+    items: Iterable[tuple[trimesh.Trimesh, np.ndarray, str]],
+    columns: int = SHAPES_PER_ROW,
+    upright: int = 1,
+    label: str = "",
 ) -> MethodFigure:
     """Segmented models or poses, each in a frame of its own (Figures 5, 6 and 7).
 
@@ -238,9 +243,11 @@ def showcase(
         labels are (n,) int arrays, -1 for the background; the number of segments is added to the caption. Colours mean
         the same part in two pictures only if the labels do, see `studies.figures.colours.match_colours`.
     columns : int
-        pictures in a row
+        most pictures in a row
     upright : {1, 2}
         the vertical axis, see `studies.figures.views.view_of`
+    label : str
+        above the first row
 
     Returns
     -------
@@ -252,7 +259,7 @@ def showcase(
         counts[caption] = len(np.unique(labels))
         picture = surface(mesh, view_of(np.asarray(mesh.vertices), upright), labels=labels)
         tiles.append(Tile(picture, f"{caption} ({counts[caption]})"))
-    return MethodFigure(_in_rows(tiles, columns), {"segments": counts})
+    return MethodFigure(_in_rows(tiles, columns, label), {"segments": counts})
 
 
 def over_time(mesh: trimesh.Trimesh, segs: Iterable[Segmentation], reference: Segmentation) -> MethodFigure:
@@ -281,7 +288,7 @@ def over_time(mesh: trimesh.Trimesh, segs: Iterable[Segmentation], reference: Se
         counts[time], change[time] = len(np.unique(labels)), change_percentage(named, labels)
         picture = surface(mesh, view, labels=match_colours(named, labels, labels))
         tiles.append(Tile(picture, f"t = {time:g}: {count_of(counts[time], 'segment')}"))
-    return MethodFigure([tiles], {"segments": counts, "change": change})
+    return MethodFigure([Row(tiles)], {"segments": counts, "change": change})
 
 
 def labels_with_background(seg: Segmentation) -> np.ndarray:
@@ -299,14 +306,25 @@ def labels_with_background(seg: Segmentation) -> np.ndarray:
     return np.where(seg.dissipates, BACKGROUND, seg.labels)
 
 
+COUNTED = "in parentheses: number of segments"
+SAME_COLOURS = f"a part keeps its colour; {COUNTED}"
+
+
 class _Plate(Picture):
     """A picture with one task, which computes and renders all of it."""
+
+    title: str
+
+    @property
+    @abstractmethod
+    def subtitle(self) -> str:
+        """What is shown."""
 
     def figure(self, results: Sequence[MethodFigure]) -> Figure:
         """Lay the tiles out."""
         from studies.figures.layout import lay_out  # loads matplotlib, which no worker needs
 
-        return lay_out(results[0].lines)
+        return lay_out(results[0].rows, self.title, self.subtitle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,7 +338,10 @@ class AnatomyPlate(_Plate):
     shows : str
         one of ``PLATES``
     trials : sequence of Trial
-        trials with a model and a segmenter that is a Heat Walk; "showcase" shows all of them, the others the first
+        trials with a model and a segmenter that is a Heat Walk; "showcase" and "class" show all of them, the others
+        the first
+    title : str
+        of the study
 
     Raises
     ------
@@ -331,6 +352,7 @@ class AnatomyPlate(_Plate):
     stem: str
     shows: str
     trials: Sequence[Any]
+    title: str = ""
 
     def __post_init__(self) -> None:
         if self.shows not in PLATES:
@@ -338,8 +360,15 @@ class AnatomyPlate(_Plate):
 
     @property
     def content(self) -> str:
-        """What is shown, and the ids of the trials."""
-        return " ".join([self.shows, *(trial.trial_id for trial in self.trials)])
+        """The title, what is shown, and the ids of the trials."""
+        return " ".join([self.title, self.shows, *(trial.trial_id for trial in self.trials)]).strip()
+
+    @property
+    def subtitle(self) -> str:
+        """What the tiles show, and of which model."""
+        if self.shows in OF_MODELS:
+            return OF_MODELS[self.shows]
+        return f"{label_of(self.trials[0].model)}: {_OF_ONE_MODEL[self.shows][1]}"
 
     def tasks(self) -> list[tuple[str, Sequence[Any]]]:
         """One task: what is shown, and the trials."""
@@ -349,9 +378,10 @@ class AnatomyPlate(_Plate):
     def function(task: tuple[str, Sequence[Any]]) -> MethodFigure:
         """Segment the models and render them."""
         shows, trials = task
-        if shows == "showcase":
-            return _showcase_of_models(trials)
-        return _OF_ONE_MODEL[shows](*_segment(trials[0]))
+        if shows in OF_MODELS:
+            return _showcase_of_models(trials, same_colours=shows == "class")
+        draw, _ = _OF_ONE_MODEL[shows]
+        return draw(*_segment(trials[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,16 +396,24 @@ class PosePlate(_Plate):
         a trial that has the pose among its ``poses``, and the name of the pose
     upright : {1, 2}
         the vertical axis, see `studies.figures.views.view_of`
+    title : str
+        of the study
     """
 
     stem: str
     shown: Sequence[tuple[Any, str]]
     upright: int = 1
+    title: str = ""
 
     @property
     def content(self) -> str:
-        """The poses, and what determines their segmentations."""
-        return " ".join(f"{name} {trial.group_key}" for trial, name in self.shown)
+        """The title, the poses, and what determines their segmentations."""
+        return " ".join([self.title, *(f"{name} {trial.group_key}" for trial, name in self.shown)]).strip()
+
+    @property
+    def subtitle(self) -> str:
+        """How to read the colours and captions."""
+        return SAME_COLOURS
 
     def tasks(self) -> list[tuple[Sequence[tuple[Any, str]], int]]:
         """One task: the poses, and their vertical axis."""
@@ -383,10 +421,10 @@ class PosePlate(_Plate):
 
     @staticmethod
     def function(task: tuple[Sequence[tuple[Any, str]], int]) -> MethodFigure:
-        """Segment the poses and render them."""
+        """Segment the poses and render them: rows for each shape, and for each segmenter."""
         shown, upright = task
         several_segmenters = len({trial.segmenter_name for trial, _ in shown}) > 1
-        items: list[tuple[trimesh.Trimesh, np.ndarray, str]] = []
+        items: dict[str, list[tuple[trimesh.Trimesh, np.ndarray, str]]] = {}
         first: dict[str, np.ndarray] = {}
         for trial, name in shown:
             model = next(model for model in trial.poses if model.name == name)
@@ -394,9 +432,13 @@ class PosePlate(_Plate):
             labels = trial.segmenter(mesh.vertices, mesh.faces)
             common = labels[model.correspondence()]
             reference = first.setdefault(trial.part, common)
-            caption = f"{name}, {trial.segmenter_name}" if several_segmenters else name
-            items.append((mesh, match_colours(reference, common, labels), caption))
-        return showcase(items, upright=upright)
+            label = f"{trial.part}, {trial.segmenter_name}" if several_segmenters else trial.part
+            items.setdefault(label, []).append((mesh, match_colours(reference, common, labels), name))
+        figures = [showcase(poses, upright=upright, label=label) for label, poses in items.items()]
+        return MethodFigure(
+            [row for figure in figures for row in figure.rows],
+            {"segments": {label: figure.numbers["segments"] for label, figure in zip(items, figures, strict=True)}},
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -411,16 +453,24 @@ class TimePlate(_Plate):
         has a model and a segmenter that is a Heat Walk
     times : sequence of float
         in the unit of the segmenter
+    title : str
+        of the study
     """
 
     stem: str
     trial: Any
     times: Sequence[float]
+    title: str = ""
 
     @property
     def content(self) -> str:
-        """The model, what determines its segmentations, and the times."""
-        return f"{self.trial.model.name} {self.trial.group_key} {list(self.times)}"
+        """The title, the model, what determines its segmentations, and the times."""
+        return f"{self.title} {self.trial.model.name} {self.trial.group_key} {list(self.times)}".strip()
+
+    @property
+    def subtitle(self) -> str:
+        """Which model is shown."""
+        return f"{label_of(self.trial.model)} at several times t; a part keeps its colour"
 
     def tasks(self) -> list[tuple[Any, list[float]]]:
         """One task: the trial, and the times."""
@@ -436,13 +486,15 @@ class TimePlate(_Plate):
         return over_time(mesh, segmentations, reference)
 
 
-_OF_ONE_MODEL: dict[str, Callable[[trimesh.Trimesh, Segmentation], MethodFigure]] = {
-    "pipeline": pipeline,
-    "diffusion": diffusion,
-    "walk": walk,
-    "divergences": divergences,
+# What each plate shows, and how to read it.
+_OF_ONE_MODEL: dict[str, tuple[Callable[[trimesh.Trimesh, Segmentation], MethodFigure], str]] = {
+    "pipeline": (pipeline, "from the mesh to its segments"),
+    "diffusion": (diffusion, "heat from a point; the line is the radius that contains 90 % of it"),
+    "walk": (walk, "groups after each step of the walk; faded: still walking"),
+    "divergences": (divergences, "the functions that decide on the segments"),
 }
-PLATES = (*_OF_ONE_MODEL, "showcase")
+OF_MODELS = {"showcase": COUNTED, "class": SAME_COLOURS}
+PLATES = (*_OF_ONE_MODEL, *OF_MODELS)
 
 
 def _load(model: Any) -> trimesh.Trimesh:
@@ -455,15 +507,29 @@ def _segment(trial: Any) -> tuple[trimesh.Trimesh, Segmentation]:
     return mesh, trial.segmenter.method.segmentation(mesh.vertices, mesh.faces)
 
 
-def _showcase_of_models(trials: Sequence[Any]) -> MethodFigure:
+def _showcase_of_models(trials: Sequence[Any], same_colours: bool) -> MethodFigure:
     """Models captioned by their categories if these differ, else by their names."""
     categories = [trial.model.category for trial in trials]
     by_category = all(categories) and len(set(categories)) == len(categories)
-    items = []
-    for trial in trials:
-        mesh, seg = _segment(trial)
-        items.append((mesh, labels_with_background(seg), trial.model.category if by_category else trial.model.name))
-    return showcase(items)
+    captions = [trial.model.category if by_category else label_of(trial.model) for trial in trials]
+    segmented = [_segment(trial) for trial in trials]
+    labels = _labels_of_class(segmented) if same_colours else [labels_with_background(seg) for _, seg in segmented]
+    return showcase((mesh, each, caption) for (mesh, _), each, caption in zip(segmented, labels, captions, strict=True))
+
+
+def _labels_of_class(segmented: Sequence[tuple[trimesh.Trimesh, Segmentation]]) -> list[np.ndarray]:
+    """The labels of several shapes of a class, in which a part has the same number in each."""
+    all_labels = [labels_with_background(seg) for _, seg in segmented]
+    all_parts = [
+        describe_parts(mesh, labels, seg.exemplars, view_of(np.asarray(mesh.vertices)))
+        for (mesh, seg), labels in zip(segmented, all_labels, strict=True)
+    ]
+    reference = all_parts[most_typical(all_parts)]
+    numbers = [match_parts(reference, parts) for parts in all_parts]
+    return [
+        np.where(labels == BACKGROUND, BACKGROUND, number[labels])
+        for labels, number in zip(all_labels, numbers, strict=True)
+    ]
 
 
 def _heat(kernel: HeatKernel, point: int) -> np.ndarray:
@@ -480,5 +546,7 @@ def _group_colours(walk: HeatWalk, groups: np.ndarray) -> np.ndarray:
     return np.where(settled[:, None], label_colours(walk.labels)[:, :3], faded)
 
 
-def _in_rows(tiles: list[Tile], columns: int) -> list[list[Tile]]:
-    return [tiles[i : i + columns] for i in range(0, len(tiles), columns)]
+def _in_rows(tiles: list[Tile], most: int, label: str = "") -> list[Row]:
+    """Rows of about the same length, the first with a label."""
+    columns = math.ceil(len(tiles) / math.ceil(len(tiles) / most)) if tiles else most
+    return [Row(tiles[i : i + columns], "" if i else label) for i in range(0, len(tiles), columns)]

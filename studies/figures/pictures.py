@@ -21,6 +21,8 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+DRAWING_VERSION = 2  # raise it when a change alters pictures: they are then drawn again
+
 
 class Picture(ABC):
     """A figure of rendered surfaces, drawn again only if its content changes.
@@ -80,11 +82,58 @@ class Tile:
         text above it, of one or more lines
     bar : ColourBar, optional
         shown below it
+    ruler : float
+        length in pixels of the scale bar that is shown below it; 0 for none
     """
 
     picture: np.ndarray
     caption: str
     bar: ColourBar | None = None
+    ruler: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """Tiles side by side.
+
+    Parameters
+    ----------
+    tiles : sequence of Tile
+        pictures of the same size
+    label : str
+        above them, at the left: what they have in common, such as the model
+    """
+
+    tiles: Sequence[Tile]
+    label: str = ""
+
+
+def label_of(model: Any) -> str:
+    """What a model is called in a picture: its name, and its category too if the name is only a number.
+
+    Parameters
+    ----------
+    model : Model
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Model
+    >>> label_of(Model(name="81", category="Ant")), label_of(Model(name="cat0", category="cat"))
+    ('Ant 81', 'cat0')
+    """
+    category = getattr(model, "category", "")
+    return f"{category} {model.name}" if category and model.name.isdecimal() else model.name
+
+
+def stamp(content: str) -> str:
+    """What the file of a picture says that it shows: the content, and which version of the drawing code drew it.
+
+    Examples
+    --------
+    >>> stamp("variant 1a2b")
+    'drawing 2: variant 1a2b'
+    """
+    return f"drawing {DRAWING_VERSION}: {content}"
 
 
 def is_drawn(path: Path, content: str) -> bool:
@@ -112,6 +161,6 @@ def is_drawn(path: Path, content: str) -> bool:
     try:
         with Image.open(path) as image:
             image.load()
-            return image.info.get("Shows") == content
+            return image.info.get("Shows") == stamp(content)
     except (OSError, SyntaxError):  # Pillow raises SyntaxError for a broken PNG
         return False

@@ -8,18 +8,21 @@ from typing import NamedTuple
 
 ONE_COLUMN, TWO_COLUMNS = 3.4, 7.0  # width of a figure, in inches
 DPI = 300
-LETTER = 0.054  # mean width of a letter of 7 points, in inches
+
+# Sizes of text, in points.
+TITLE, SUBTITLE, LABEL, SMALL = 9, 7.5, 8, 7
+SUBTITLE_COLOUR = "#555555"
 
 # Settings of matplotlib, on top of its defaults.
 RC: dict[str, object] = {
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "axes.labelsize": 8,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "legend.fontsize": 7,
-    "legend.title_fontsize": 7,
-    "figure.titlesize": 9,
+    "font.size": LABEL,
+    "axes.titlesize": LABEL,
+    "axes.labelsize": LABEL,
+    "xtick.labelsize": SMALL,
+    "ytick.labelsize": SMALL,
+    "legend.fontsize": SMALL,
+    "legend.title_fontsize": SMALL,
+    "text.parse_math": False,  # a name may contain dollar signs
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 TILE = (720, 600)  # width and height in pixels: 2.4 inches at 300 dots per inch
 MARGIN = 0.04  # share of the picture that is left white on each side
 MARK_COLOUR = "#d00000"
+GHOST_COLOUR, GHOST_OPACITY = "#8890a0", 0.16
 CREASE = 45  # degrees between faces from which an edge is drawn sharp
 
 # Direction and intensity of the lights: from one side of the camera, which makes relief visible, and weakly from the
@@ -40,6 +41,7 @@ def surface(
     contour: tuple[np.ndarray, float] | None = None,
     solid: np.ndarray | None = None,
     opacity: float = 1.0,
+    ghost: trimesh.Trimesh | None = None,
     edges: bool = False,
     size: tuple[int, int] = TILE,
 ) -> np.ndarray:
@@ -67,6 +69,8 @@ def surface(
         faces drawn black, and opaque whatever the opacity
     opacity : float
         opacity of the surface, 0 to 1
+    ghost : trimesh.Trimesh, optional
+        another surface, drawn faintly: what is not there any more
     edges : bool
         whether to draw the edges of the triangles
     size : (width, height)
@@ -104,14 +108,19 @@ def surface(
                 plotter.add_mesh(_part(shape, solid), color="black", lighting=False)
             rest = shape if solid is None else _part(shape, ~solid)
             plotter.add_mesh(
-                _creased(rest), opacity=opacity, show_edges=edges, edge_opacity=0.5, line_width=1.0,
+                _creased(rest), opacity=opacity, show_edges=bool(edges), edge_opacity=0.5, line_width=1.0,
                 show_scalar_bar=False, **paint, **material,
             )  # fmt: skip
+            if ghost is not None:
+                gone = pyvista.PolyData.from_regular_faces(
+                    _picture_coordinates(np.asarray(ghost.vertices), view, size), ghost.faces
+                )
+                plotter.add_mesh(_creased(gone), color=GHOST_COLOUR, opacity=GHOST_OPACITY, **material)
             if contour is not None:
                 _add_contour(plotter, shape, *contour, radius=0.004 * size[0])
             if points is not None:
                 _add_balls(plotter, vertices[points], 0.014 * size[0], material)
-            if opacity < 1:
+            if opacity < 1 or ghost is not None:
                 plotter.enable_depth_peeling(number_of_peels=12)
             plotter.enable_anti_aliasing("ssaa")
             _look_along_z(plotter, vertices, size[1])
@@ -120,10 +129,70 @@ def surface(
             plotter.close()
 
 
+def pixel_length(view: View, size: tuple[int, int] = TILE) -> float:
+    """The length that a pixel of a picture spans, in the unit of the shape.
+
+    Parameters
+    ----------
+    view : View
+    size : (width, height)
+        in pixels
+
+    Examples
+    --------
+    >>> view = View(np.eye(3), np.zeros(3), np.array([92.0, 10.0]))
+    >>> round(pixel_length(view, (100, 100)), 12)
+    1.0
+    """
+    return float(max(view.extent[0] / size[0], view.extent[1] / size[1]) / (1 - 2 * MARGIN))
+
+
+def visible_faces(mesh: trimesh.Trimesh, view: View, size: tuple[int, int] = (180, 150)) -> np.ndarray:
+    """The face that is seen at each pixel.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+    view : View
+    size : (width, height)
+        in pixels
+
+    Returns
+    -------
+    (height, width) int array
+        -1 where there is none
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from studies.figures.views import view_of
+    >>> box = trimesh.creation.box()
+    >>> seen = np.unique(visible_faces(box, view_of(box.vertices)))
+    >>> seen[0], len(seen)  # the background, and the two triangles of each of the sides that face the camera
+    (np.int64(-1), 5)
+    """
+    import pyvista
+
+    vertices = _picture_coordinates(np.asarray(mesh.vertices), view, size)
+    shape = pyvista.PolyData.from_regular_faces(vertices, mesh.faces)
+    number = np.arange(len(mesh.faces))
+    shape.cell_data["number"] = np.column_stack([number >> 16, number >> 8 & 255, number & 255]).astype(np.uint8)
+    with pyvista.vtk_verbosity("off"):
+        plotter = _lit_plotter(size)
+        try:
+            plotter.add_mesh(shape, scalars="number", rgb=True, lighting=False)
+            plotter.disable_anti_aliasing()
+            _look_along_z(plotter, vertices, size[1])
+            picture = np.asarray(plotter.screenshot(return_img=True)).astype(np.int64)
+        finally:
+            plotter.close()
+    seen = picture @ [1 << 16, 1 << 8, 1]
+    return np.where(seen < len(mesh.faces), seen, -1)
+
+
 def _picture_coordinates(vertices: np.ndarray, view: View, size: tuple[int, int]) -> np.ndarray:
     """Vertices turned to the camera, in pixels around the middle: a shape of any size and place renders alike."""
-    unit = max(view.extent[0] / size[0], view.extent[1] / size[1]) / (1 - 2 * MARGIN)
-    return (vertices - view.centre) @ view.axes.T / unit
+    return (vertices - view.centre) @ view.axes.T / pixel_length(view, size)
 
 
 def _paint(

@@ -27,7 +27,7 @@ class View:
     extent: np.ndarray
 
 
-def view_of(vertices: np.ndarray, upright: int = 1) -> View:
+def view_of(vertices: np.ndarray, upright: int = 1, turn: float = 0.0) -> View:
     """The view of a shape along the direction in which it is thinnest, so that it spreads before the camera.
 
     Parameters
@@ -37,6 +37,8 @@ def view_of(vertices: np.ndarray, upright: int = 1) -> View:
     upright : {1, 2}
         axis that points up in the picture: y, as in most models, or z, as in those of TOSCA; if it points at the
         camera, the other one is used
+    turn : float
+        degrees by which the camera is moved around the vertical axis, to the right; 180 shows the other side
 
     Returns
     -------
@@ -55,6 +57,8 @@ def view_of(vertices: np.ndarray, upright: int = 1) -> View:
     up = np.eye(3)[upright if abs(towards[upright]) < HEAD_ON else 3 - upright]
     up = up - towards * (towards @ up)
     up /= np.linalg.norm(up)
+    angle = np.deg2rad(turn)
+    towards = np.cos(angle) * towards + np.sin(angle) * np.cross(up, towards)
     tilt = np.deg2rad(TILT)
     towards, up = np.cos(tilt) * towards + np.sin(tilt) * up, np.cos(tilt) * up - np.sin(tilt) * towards
     return view_along(vertices, np.array([np.cross(up, towards), up, towards]))

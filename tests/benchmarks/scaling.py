@@ -1,6 +1,6 @@
 """Time and memory of segmentation as functions of the number of vertices, compared with the alternatives.
 
-    python -m tests.benchmarks.scaling [--largest 1000000] [--output results/performance]
+    python -m tests.benchmarks.scaling [--largest 1000000] [--output results/performance] [--redraw]
 
 Every measurement runs in its own process with one BLAS thread. Seconds are CPU seconds, the minimum of two to five
 processes: a virtual machine that has returned memory to its host needs seconds per gigabyte to get it back. Both
@@ -564,36 +564,64 @@ def ratio(row, ours, key):
     return f"{row[key] / ours[key]:.2f}" if row and ours else ""
 
 
-def plot(results, path):
-    """Seconds and memory against the number of vertices."""
-    from matplotlib.figure import Figure  # not in the processes whose memory is measured
+# What was measured, as the legend names it, with its number as a group of the house style.
+ALTERNATIVES = {
+    "scipy_eigsh": ("SciPy eigsh alone", 1),
+    "plain_numpy": ("SciPy eigsh + blocked NumPy", 3),
+    "dense": ("the paper's n × n, NumPy", 4),
+}
+STAGE_NAMES = {
+    "spectrum": ("eigenpairs", 2), "walk": ("walk", 5), "operator": ("Laplacian", 1), "dissipators": ("dissipators", 4),
+}  # fmt: skip
+
+
+def chart(results):
+    """Seconds and memory against the number of vertices, as plain data."""
+    from studies.figures.charts import Axis, Chart, Panel, Series, logarithmic_ticks
 
     sizes = sorted(size for name, size in results if name == "ours")
-    figure = Figure(figsize=(9, 4), dpi=150, layout="constrained")
-    seconds, memory = figure.subplots(1, 2)
-    for stage in STAGES:
-        seconds.loglog(sizes, [results["ours", size][stage] for size in sizes], marker=".", lw=1, label=stage)
-    seconds.loglog(sizes, [results["ours", size]["seconds"] for size in sizes], "k-o", label="mesh to labels")
-    others = {"scipy_eigsh": "SciPy's eigsh alone", "plain_numpy": "plain NumPy and SciPy", "dense": "the paper, n x n"}
-    for colour, (name, label) in enumerate(others.items(), start=len(STAGES)):
+
+    def series(label, name, key, group):
         at = sorted(size for other, size in results if other == name)
-        style = {"marker": "s", "ms": 4, "ls": "--", "color": f"C{colour}", "label": label}
-        seconds.loglog(at, [results[name, size]["seconds"] for size in at], **style)
-        memory.loglog(at, [results[name, size]["peak_bytes"] / 1e9 for size in at], **style)
-    memory.loglog(sizes, [results["ours", size]["peak_bytes"] / 1e9 for size in sizes], "k-o", label="mesh to labels")
-    seconds.set(xlabel="vertices", ylabel="CPU seconds, one thread")
-    seconds.set_ylim(top=20 * seconds.get_ylim()[1])  # room for the legend above the steepest line
-    memory.set(xlabel="vertices", ylabel="peak memory of the process, GB")
-    for axes in (seconds, memory):
-        axes.grid(alpha=0.25)
-        axes.legend(fontsize=7, frameon=False)
-    figure.savefig(path)
+        values = tuple(results[name, size][key] / (1e9 if key == "peak_bytes" else 1) for size in at)
+        return Series(label, tuple(map(float, at)), values, group=group)
+
+    def panel(title, unit, drawn):
+        vertices = Axis("vertices", ticks=logarithmic_ticks(sizes[0], sizes[-1]), logarithmic=True)
+        return Panel(vertices, Axis(unit, logarithmic=True), title, series=tuple(drawn), own_legend=True)
+
+    def against_alternatives(key):
+        measured = {name for name, _ in results}
+        others = [(label, name, key, group) for name, (label, group) in ALTERNATIVES.items() if name in measured]
+        return [series(*each) for each in (("heatwalk.segment", "ours", key, 0), *others)]
+
+    stages = [series(label, "ours", stage, group) for stage, (label, group) in STAGE_NAMES.items()]
+    panels = (
+        panel("Time", "CPU seconds, one thread", against_alternatives("seconds")),
+        panel("Time of each step", "", [series("heatwalk.segment", "ours", "seconds", 0), *stages]),
+        panel("Peak memory", "GB", against_alternatives("peak_bytes")),
+    )
+    return Chart("Time and memory by the number of vertices", panels, subtitle="all axes are logarithmic")
+
+
+def plot(results, path):
+    """Draw the chart."""
+    from studies.figures.drawing import draw, save  # not in the processes whose memory is measured
+
+    save(draw(chart(results)), path)
+
+
+def load(folder):
+    """The results in a folder that `write` has written."""
+    rows = json.loads((folder / "performance.json").read_text())
+    return {(row.pop("measurement"), row.pop("size")): row for row in rows}
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--largest", type=int, default=SIZES[-1], help="number of vertices of the largest surface")
     parser.add_argument("--output", type=Path, default=Path("results/performance"))
+    parser.add_argument("--redraw", action="store_true", help="measure nothing: tables and plot of the stored results")
     parser.add_argument("--measure", choices=[*MEASUREMENTS, *SOLVERS], help=argparse.SUPPRESS)
     parser.add_argument("--input", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -602,7 +630,10 @@ if __name__ == "__main__":
     else:
         if arguments.largest < SIZES[0]:
             parser.error(f"--largest must be at least {SIZES[0]:,}, got {arguments.largest:,}")
-        results = run(affordable(planned(arguments.largest), free_memory()))
+        if arguments.redraw:
+            results = load(arguments.output)
+        else:
+            results = run(affordable(planned(arguments.largest), free_memory()))
         write(results, arguments.output)
         for measure_name, target, value, met in targets(results):
             print(f"{'met   ' if met else 'MISSED'} {value:>9.3g} {target:>8}  {measure_name}")

@@ -49,7 +49,7 @@ def no_labels(trial_id):
     return None
 
 
-def test_plates_show_the_named_models_of_the_study_and_else_the_first(plan, rows_of, tmp_path):
+def test_plates_show_the_named_models_of_the_study_and_else_some_of_them(plan, rows_of, tmp_path):
     for name in ("one", "two"):
         bundled("ant").export(tmp_path / f"{name}.off")
     plates = {"steps": {"shows": "walk", "models": ["two", "three"]}, "all": {"shows": "showcase", "models": []}}
@@ -60,7 +60,7 @@ def test_plates_show_the_named_models_of_the_study_and_else_the_first(plan, rows
     ids = {trial.model.name: trial.trial_id for trial in trials}
     assert {stem: picture.content for stem, picture in made.items()} == {
         "steps": f"walk {ids['two']}",
-        "all": f"showcase {ids['one']}",
+        "all": f"showcase {ids['one']} {ids['two']}",
     }
     picture = made["steps"]
     figure = picture.figure([picture.function(task) for task in picture.tasks()])

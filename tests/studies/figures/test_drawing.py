@@ -9,9 +9,19 @@ import pytest
 from matplotlib.text import Text
 from PIL import Image
 
-from studies.figures.charts import Axis, Chart, Panel, Series, level_curve, pair_matrices, segment_counts
-from studies.figures.drawing import draw, save
-from studies.figures.style import TWO_COLUMNS
+from studies.columns import Column, Table
+from studies.figures.charts import (
+    Axis,
+    Chart,
+    Panel,
+    Series,
+    level_curve,
+    method_scores,
+    pair_matrices,
+    segment_counts,
+)
+from studies.figures.drawing import NO_CHANGE, NOTHING, draw, save
+from studies.figures.style import PUBLISHED_MARKERS, SUBTITLE, TITLE, TWO_COLUMNS
 from tests.studies.figures.samples import CHARTS, INTERVALS, level_table, rows_of_levels, rows_of_times
 
 
@@ -70,11 +80,51 @@ def test_numbers_of_levels_that_would_touch_are_slanted():
     assert {text.get_rotation() for text in axes.get_xticklabels()} == {45}
 
 
-def test_a_number_that_would_touch_even_when_slanted_is_left_out_with_its_tick_kept():
+def test_a_number_that_would_touch_even_when_slanted_is_left_out_with_its_tick():
     levels = [0.5, 0.501, 1.0]
     (axes,) = draw(level_curve(level_table("shots", levels), rows_of_levels(levels, 1), "spikes", "Shots")).axes
-    assert axes.get_xticks().tolist() == levels
-    assert [text.get_text() for text in axes.get_xticklabels()] == ["0.5", "", "1"]
+    assert axes.get_xticks().tolist() == [0.5, 1.0]
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["0.5", "1"]
+
+
+def test_levels_that_a_linear_axis_would_crowd_together_have_a_logarithmic_one():
+    levels = [0.001, 0.01, 0.1, 1.0]
+    (axes,) = draw(level_curve(level_table("shots", levels), rows_of_levels(levels, 1), "spikes", "Shots")).axes
+    assert axes.get_xscale() == "log"
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["0.001", "0.01", "0.1", "1"]
+
+
+@pytest.mark.parametrize("times", [(0.5, 1.0, 4.0), (0.9, 0.95, 1.0), (0.61, 0.64), (1.0,), (0.013, 1.0, 80.0)])
+@pytest.mark.parametrize("counts", [(3, 4), (7, 7), (2, 900)])
+def test_every_tick_of_a_logarithmic_axis_has_its_number_and_there_are_at_least_two_on_an_axis_of_any_length(
+    times, counts
+):
+    rows = pd.DataFrame(
+        {"model": str(i), "level": time, "unit": "paper", "n_segments": count + i}
+        for i, count in enumerate(counts)
+        for time in times
+    )
+    figure = draw(segment_counts(rows, [], "Times"))
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    for axis, values in ((axes.xaxis, times), (axes.yaxis, counts)):
+        low, high = axis.get_view_interval()
+        ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+        assert all(float(tick.label1.get_text().replace(",", "")) == tick.get_loc() for tick in ticks)
+        assert len(ticks) >= min(2, len(set(values)))
+        assert not [tick for tick in axis.get_minor_ticks() if low <= tick.get_loc() <= high and tick.get_visible()]
+
+
+@pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
+def test_a_tick_that_is_drawn_has_a_label(chart):
+    figure = draw(chart)
+    figure.draw_without_rendering()
+    panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+    for axis in (axis for axes in panels for axis in (axes.xaxis, axes.yaxis)):
+        low, high = sorted(axis.get_view_interval())
+        for tick in axis.get_major_ticks():
+            if low <= tick.get_loc() <= high and tick.tick1line.get_visible():
+                assert tick.label1.get_text()
 
 
 @pytest.mark.filterwarnings("error")
@@ -87,6 +137,7 @@ def test_a_study_of_which_every_trial_failed_has_room_for_published_values(tmp_p
     save(figure, tmp_path / "failed.png")
     (axes,) = figure.axes
     assert axes.get_ylim()[1] >= 7
+    assert NOTHING in [text.get_text() for text in axes.texts]
     (legend,) = figure.legends
     assert "mean, 95 % interval (0 models)" in [text.get_text() for text in legend.get_texts()]
 
@@ -178,10 +229,64 @@ def test_charts_load_no_drawing_library_and_no_backend_is_used_or_changed(tmp_pa
     assert {path.name for path in tmp_path.iterdir()} == {"chart.png", "chart.pdf", "box.png"}
 
 
-def test_a_title_above_one_panel_is_that_of_the_chart():
-    chart = dataclasses.replace(CHARTS["curve"], title="Other")
-    (axes,) = draw(chart).axes
-    assert axes.get_title() == "Other"
+@pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
+def test_every_chart_has_its_title_in_the_same_form(chart):
+    figure = draw(dataclasses.replace(chart, title="Other", subtitle="how to read it"))
+    title, subtitle = figure.texts
+    assert [title.get_text(), subtitle.get_text()] == ["Other", "how to read it"]
+    assert (title.get_fontsize(), subtitle.get_fontsize()) == (TITLE, SUBTITLE)
+    figure.draw_without_rendering()
+    highest = max(axes.get_tightbbox().y1 for axes in figure.axes)
+    assert highest <= subtitle.get_window_extent().y0 <= title.get_window_extent().y0
+
+
+def test_values_that_equal_the_published_ones_are_not_hidden_by_them():
+    levels = [0.5, 1.5, 10.0]
+    table = level_table("scaling", levels, published=[0.0, 0.0, 0.0])
+    nothing = table.replace(frame=table.frame.assign(mean=0.0, ci_low=0.0, ci_high=0.0))
+    rows = rows_of_levels(levels, 2).assign(change_percentage=0.0)
+    (axes,) = draw(level_curve(nothing, rows, "scale", "Scaling")).axes
+    published = next(line for line in axes.lines if line.get_marker() == PUBLISHED_MARKERS[0])
+    mean = axes.containers[0].lines[0]
+    assert published.get_markerfacecolor() == "white"
+    assert published.get_markersize() > mean.get_markersize()
+    assert published.get_zorder() < mean.get_zorder()
+    assert not mean.get_clip_on()
+    assert NO_CHANGE in [text.get_text() for text in axes.texts]
+
+
+LONG = "my_great_new_method_with_many_options_and_a_longer_name_than_there_is_room_for_0"
+NAMES = {
+    "long": [f"{LONG}{i}" for i in range(4)],
+    "Chinese": [f"象的分割方法{i}" * 9 for i in range(4)],
+    "odd": ["$a$", "a\tb", "Küche", "🐈"],
+}
+
+
+@pytest.mark.parametrize("names", NAMES.values(), ids=NAMES)
+@pytest.mark.filterwarnings("error")
+def test_names_of_any_length_and_script_leave_the_figure_whole(names, tmp_path):
+    change = pd.DataFrame(1.0, index=names, columns=names)
+    scores = pd.DataFrame({"method": names, "source": "computed", "gce": 0.2, "gce_low": 0.1, "gce_high": 0.3})
+    levels = [1.0, 2.0]
+    charts = [
+        pair_matrices(dict.fromkeys(names, change), names[0]),
+        method_scores(Table("table", scores), [Column(name="gce", heading="GCE")], names[1]),
+        level_curve(
+            level_table("holes", levels, segmenters=names), rows_of_levels(levels, 2, names), names[2], names[3]
+        ),
+    ]
+    for chart in charts:
+        figure = draw(chart)
+        figure.draw_without_rendering()
+        legends = [text for legend in figure.legends for text in legend.get_texts()]
+        ticks = [text for axes in figure.axes for text in axes.get_yticklabels()]
+        for text in [*figure.texts, *legends, *ticks]:
+            box = text.get_window_extent()
+            assert box.x0 >= -1
+            assert box.x1 <= figure.bbox.width + 1
+        assert min(axes.get_window_extent().width for axes in figure.axes) > 5
+        save(figure, tmp_path / "names.png")
 
 
 def logarithmic(x, ticks=(), y=None):
@@ -208,5 +313,5 @@ def test_a_logarithmic_axis_labels_every_level_unless_round_numbers_suffice(x, l
 def test_levels_of_a_logarithmic_axis_that_are_crowded_are_labelled_where_there_is_room():
     axes = logarithmic([1 + i / 50 for i in range(50)], tuple(1 + i / 50 for i in range(50)))
     labels = [text.get_text() for text in axes.get_xticklabels()]
-    assert len(labels) == 50
-    assert 3 < sum(map(bool, labels)) < 30
+    assert all(labels)
+    assert 3 < len(labels) < 30

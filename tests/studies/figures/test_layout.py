@@ -1,8 +1,15 @@
-import numpy as np
+import itertools
 
-from studies.figures.layout import lay_out, shrink
-from studies.figures.pictures import ColourBar, Tile
+import numpy as np
+import pytest
+
+from studies.figures.layout import lay_out
+from studies.figures.pictures import ColourBar, Row, Tile
 from studies.figures.style import TWO_COLUMNS
+
+
+def blank(height=60, width=80):
+    return np.full((height, width, 3), 255, dtype=np.uint8)
 
 
 def test_the_pictures_of_a_row_are_cropped_alike_and_keep_all_their_ink():
@@ -32,7 +39,49 @@ def test_a_colour_bar_is_below_its_picture_and_inside_the_figure():
     assert 0 <= bar.get_tightbbox().y0 < bar.get_tightbbox().y1 <= barred.get_window_extent().y0
 
 
-def test_a_picture_drawn_in_proportion_keeps_a_dot_of_the_smallest_scale():
-    shrunk = shrink(np.zeros((90, 120, 3), np.uint8), 1e-6)
-    assert shrunk.shape == (90, 120, 3)
-    assert (shrunk < 255).any(axis=2).sum() == 1
+def test_a_scale_bar_has_the_length_of_its_pixels_in_the_picture():
+    picture = np.zeros((60, 80, 3), dtype=np.uint8)
+    figure = lay_out([[Tile(picture, "one", ruler=40), Tile(picture, "two", ruler=10), Tile(picture, "three")]])
+    figure.draw_without_rendering()
+    long, short, none = figure.axes
+    widths = [axes.lines[0].get_window_extent().width / axes.get_window_extent().width for axes in (long, short)]
+    # But for the marks at the ends.
+    assert widths[0] - widths[1] == pytest.approx(30 / 80, abs=0.01)
+    assert not none.lines
+    assert 0 <= long.lines[0].get_window_extent().y0 < long.get_window_extent().y0
+
+
+@pytest.mark.parametrize("n_tiles", [1, 4, 7])
+@pytest.mark.parametrize(
+    "name",
+    ["scan_of_the_left_half_of_the_statue_in_the_garden_2024-05-17_cleaned_v2_final_0017" * 2, "象の模型" * 40, "a\tb"],
+)
+@pytest.mark.filterwarnings("error")
+def test_labels_and_captions_of_any_length_and_script_stay_inside_the_figure(n_tiles, name, tmp_path):
+    from studies.figures.drawing import save
+
+    tiles = [Tile(np.zeros((60, 80, 3), dtype=np.uint8), f"{name} {i}") for i in range(n_tiles)]
+    figure = lay_out([Row(tiles, f"{name}, HeatWalk")], f"{name} on data", f"{name}; CP: Change Percentage")
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in figure.texts]
+    for box in boxes:
+        assert box.x0 >= 0
+        assert box.y0 >= 0
+        assert box.x1 <= figure.bbox.width
+        assert box.y1 <= figure.bbox.height
+    captions = boxes[-n_tiles:]
+    assert all(left.x1 <= right.x0 + 1 for left, right in itertools.pairwise(captions))
+    save(figure, tmp_path / "names.png", "names")
+
+
+def test_a_label_is_above_the_captions_of_its_row_and_below_the_row_before():
+    figure = lay_out([Row([Tile(blank(), "one")], "Ant 81"), Row([Tile(blank(), "two")], "Cow 3")], "Holes", "levels")
+    figure.draw_without_rendering()
+    bottoms = {text.get_text(): text.get_window_extent().y0 for text in figure.texts}
+    assert sorted(bottoms, key=bottoms.get, reverse=True) == ["Holes", "levels", "Ant 81", "one", "Cow 3", "two"]
+    assert bottoms["Cow 3"] < figure.axes[0].get_window_extent().y0
+
+
+def test_a_row_without_captions_takes_no_room_for_them():
+    with_caption, without = lay_out([[Tile(blank(), "one")]]), lay_out([[Tile(blank(), "")]])
+    assert without.get_figheight() < with_caption.get_figheight()

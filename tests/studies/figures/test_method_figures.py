@@ -77,7 +77,7 @@ def test_the_numbers_of_a_figure_are_those_of_the_segmentation(ant, segmented):
 def test_a_figure_has_the_same_bytes_again(ant, segmented, tmp_path):
     for name in ("first", "second"):
         figure = method_figures.showcase([(ant, method_figures.labels_with_background(segmented), "ant")])
-        save(lay_out(figure.lines), tmp_path / f"{name}.png", "ant")
+        save(lay_out(figure.rows), tmp_path / f"{name}.png", "ant")
     assert (tmp_path / "first.png").read_bytes() == (tmp_path / "second.png").read_bytes()
 
 
@@ -114,24 +114,28 @@ class Shuffled(Segmenter):
 
 
 def tiles(picture):
-    """The tiles of a picture, computed as by a worker, and its texts."""
+    """The rows of a picture, computed as by a worker, and its captions."""
     function = pickle.loads(pickle.dumps(picture.function))
     results = [pickle.loads(pickle.dumps(function(task))) for task in picture.tasks()]
-    return results[0].lines, [text.get_text() for text in picture.figure(results).texts]
+    title, subtitle, *_ = [text.get_text() for text in picture.figure(results).texts]
+    assert (title, subtitle.replace("\n", " ")) == (picture.title, picture.subtitle)
+    return results[0].rows, [tile.caption for row in results[0].rows for tile in row.tiles]
 
 
 @pytest.mark.parametrize("shows", PLATES)
 def test_every_plate_of_the_anatomy_is_drawn_from_its_trials(trials, shows):
-    plate = AnatomyPlate("figure", shows, trials)
-    assert plate.content == f"{shows} id-ant id-cow"
-    lines, texts = tiles(plate)
-    assert texts == [tile.caption for line in lines for tile in line]
-    assert len(texts) == {"pipeline": 4, "diffusion": 2, "divergences": 3, "showcase": 2}.get(shows, len(texts))
+    plate = AnatomyPlate("figure", shows, trials, "Anatomy on bundled")
+    assert plate.content == f"Anatomy on bundled {shows} id-ant id-cow"
+    assert plate.subtitle.startswith("ant: ") == (shows not in ("showcase", "class"))
+    _, captions = tiles(plate)
+    expected = {"pipeline": 4, "diffusion": 2, "divergences": 3, "showcase": 2, "class": 2}
+    assert len(captions) == expected.get(shows, len(captions))
 
 
 def test_a_showcase_is_captioned_by_category_only_if_every_category_is_another(trials):
     def captions():
-        return [text.split(" (")[0] for text in tiles(AnatomyPlate("figure5", "showcase", trials))[1]]
+        plate = AnatomyPlate("figure5", "showcase", trials, "Versatility")
+        return [text.split(" (")[0] for text in tiles(plate)[1]]
 
     assert captions() == ["ant", "cow"]
     for t, category in zip(trials, ("Ant", "FourLeg"), strict=True):
@@ -148,22 +152,33 @@ def test_an_unknown_plate_is_refused_with_the_known_ones(trials):
 
 def test_a_plate_of_poses_names_what_determines_it_and_gives_a_part_the_same_colour_in_each(trials):
     trials[1].model, trials[1].poses, trials[1].segmenter = trials[0].model, trials[0].poses, Shuffled(HeatWalk())
-    plate = PosePlate("figure6", [(trials[0], "ant"), (trials[1], "ant")], 1)
-    assert plate.content == "ant key-ant ant key-cow"
-    ((first, second),), texts = tiles(plate)
+    plate = PosePlate("figure6", [(trials[0], "ant"), (trials[1], "ant")], 1, "Poses")
+    assert plate.content == "Poses ant key-ant ant key-cow"
+    (row,), texts = tiles(plate)
+    first, second = row.tiles
+    assert row.label == "shapes"
     assert np.array_equal(first.picture, second.picture)
     assert texts[0] == texts[1]
 
 
-def test_poses_of_several_segmenters_are_captioned_by_segmenter(trials):
+def test_poses_of_several_segmenters_have_a_row_for_each(trials):
     trials[1].segmenter_name, trials[1].poses = "cuts", trials[0].poses
-    _, texts = tiles(PosePlate("figure6", [(trials[0], "ant"), (trials[1], "ant")], 1))
-    assert [text.split(" (")[0] for text in texts] == ["ant, HeatWalk", "ant, cuts"]
+    rows, _ = tiles(PosePlate("figure6", [(trials[0], "ant"), (trials[1], "ant")], 1, "Poses"))
+    assert [row.label for row in rows] == ["shapes, HeatWalk", "shapes, cuts"]
+
+
+@pytest.mark.parametrize(("count", "lengths"), [(3, [3]), (5, [5]), (6, [3, 3]), (7, [4, 3]), (11, [4, 4, 3])])
+def test_the_rows_of_a_showcase_are_of_about_the_same_length(monkeypatch, count, lengths):
+    monkeypatch.setattr(method_figures, "surface", lambda *_, **__: np.zeros((4, 4, 3), np.uint8))
+    box = trimesh.creation.box()
+    figure = method_figures.showcase([(box, np.zeros(8, int), str(i)) for i in range(count)], label="boxes")
+    assert [len(row.tiles) for row in figure.rows] == lengths
+    assert [row.label for row in figure.rows] == ["boxes", *[""] * (len(lengths) - 1)]
 
 
 def test_a_plate_of_times_shows_each_time_with_its_number_of_segments(ant, trials):
-    plate = TimePlate("figure15", trials[0], (0.65, 2))
-    assert plate.content == "ant key-ant [0.65, 2]"
+    plate = TimePlate("figure15", trials[0], (0.65, 2), "Times")
+    assert plate.content == "Times ant key-ant [0.65, 2]"
     _, texts = tiles(plate)
     counts = [heatwalk.segment(ant.vertices, ant.faces, time).n_segments for time in (0.65, 2)]
     assert texts == [f"t = 0.65: {counts[0]} segments", f"t = 2: {counts[1]} segments"]
