@@ -93,5 +93,7 @@ def _in_folder(folder: Path) -> list[Path]:
     except OSError as error:
         raise MeshError(f"{folder}: cannot be read: {error.strerror or error}") from error
     if not meshes:
-        raise MeshError(f"{folder}: contains no mesh, its subfolders apart ({READABLE})")
+        raise MeshError(
+            f"{folder}: the folder contains no mesh itself (subfolders are not searched); supported: {READABLE}"
+        )
     return meshes

@@ -12,6 +12,7 @@ import trimesh
 import heatwalk
 from heatwalk.cli import main
 from heatwalk.io import read_mesh, read_seg
+from heatwalk.io.reading import READABLE
 from heatwalk.meshes import MeshError
 from tests.helpers.meshes import bundled_path
 
@@ -164,7 +165,7 @@ NOT_MESHES = {
         "not an STL file, or it is truncated: .* declares 3 triangles but contains 2",
     ),
     "stl without triangles": (".stl", bytes(84), NO_FACES.format("STL")),
-    "unknown suffix": (".step", b"ISO-10303-21;", "unknown suffix '.step'; supported: .off, .obj, .ply, .stl"),
+    "unknown suffix": (".step", b"ISO-10303-21;", f"unknown suffix '.step'; supported: {READABLE}"),
     "no suffix": ("", b"OFF\n", "unknown suffix ''; .*"),
 }
 
@@ -182,9 +183,12 @@ def test_a_missing_file_is_rejected(in_empty_folder, capsys):
     assert_command_refuses("gone.off", "cannot be read: No such file or directory", capsys)
 
 
-def test_a_folder_is_rejected(in_empty_folder, capsys):
+def test_a_folder_without_a_mesh_is_rejected(in_empty_folder, capsys):
     Path("folder.off").mkdir()
-    assert_command_refuses("folder.off", "cannot be read: Is a directory", capsys)
+    message = rf"the folder contains no mesh itself \(subfolders are not searched\); supported: {READABLE}"
+    assert_command_refuses("folder.off", message, capsys)
+    with pytest.raises(heatwalk.MeshError, match=r"^folder\.off: cannot be read: "):
+        read_mesh("folder.off")
 
 
 def test_a_file_without_permission_is_rejected(in_empty_folder, capsys, monkeypatch):

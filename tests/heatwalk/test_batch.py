@@ -54,7 +54,10 @@ def test_a_second_run_leaves_out_what_the_first_one_wrote(folder, capsys):
         assert capsys.readouterr().out.count("4 meshes: 4 segmented\n") == 2
     assert names("out") == sorted(f"{name}_segments{suffix}" for name in "abcd" for suffix in (".ply", ".seg"))
     assert main(["segment", "out"]) == 2
-    assert "out: contains no mesh, its subfolders apart (.off, .obj, " in capsys.readouterr().err
+    assert (
+        "out: the folder contains no mesh itself (subfolders are not searched); supported: .off, .obj, "
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize("output", ["new", "new/", "old", "old/"])
