@@ -171,7 +171,7 @@ def test_the_summary_of_failures_names_model_and_level(study, capsys):
 def test_a_single_trial_is_one_trial(study, capsys):
     study(*FAILING, "repeats=1", "levels=[0.3]")
     out = capsys.readouterr().out
-    assert ": 1 trial\n" in out
+    assert ", 1 trial\n" in out
     assert "1 of 1 trial failed" in out
 
 

@@ -1,4 +1,5 @@
-import numpy as np
+import shutil
+
 import pandas as pd
 import pytest
 
@@ -58,18 +59,22 @@ def test_the_table_has_our_rows_and_the_papers_eight(planned, rows_of):
     pd.testing.assert_frame_equal(table.loc["paper"][list(paper.columns)], paper, check_names=False, check_dtype=False)
 
 
-def test_a_model_that_nobody_segmented_is_a_row_that_says_so(plan, rows_of):
-    rows = rows_of(plan("+study=table1", "dataset=bundled", "~dataset.categories"), Benchmark)
-    assert set(rows["status"]) == {"failed"}
-    assert rows["error"].str.contains("has 0 segmentations by people").all()
+def test_a_model_that_nobody_segmented_is_a_row_that_says_so(plan, rows_of, psb_root, tmp_path):
+    data = tmp_path / "data"
+    (data / "off").mkdir(parents=True)
+    for model in (41, 50):
+        shutil.copy(psb_root / "data" / "off" / f"{model}.off", data / "off")
+    shutil.copytree(psb_root / "data" / "seg" / "Benchmark" / "50", data / "seg" / "Benchmark" / "50")
+    rows = rows_of(plan("+study=table1", f"dataset.root={tmp_path}", "dataset.categories=null"), Benchmark)
+    assert rows.groupby("model")["status"].unique().map(list).to_dict() == {"41": ["failed"], "50": ["ok"]}
+    assert rows["error"].dropna().str.contains("has 0 segmentations by people").all()
     table = Benchmark().tables(rows)[0].frame.set_index(["source", "method"])
-    assert table.loc[("computed", "HeatWalk"), "failures"] == 3
-    assert np.isnan(table.loc[("computed", "HeatWalk"), "hamming"])
+    assert table.loc[("computed", "HeatWalk"), "failures"] == 1
+    hamming = rows.set_index(["model", "segmenter"])["hamming"]
+    assert table.loc[("computed", "HeatWalk"), "hamming"] == hamming["50", "HeatWalk"]
 
 
 def test_segmentations_by_people_that_change_are_other_trials(plan, psb_root, tmp_path):
-    import shutil
-
     data = tmp_path / "data"
     for part in ("off/50.off", "seg/Benchmark/50"):
         target = data / part
