@@ -102,7 +102,7 @@ def test_the_documented_function_is_a_segmenter(run, workplace):
     _, *words = shlex.split(command)
     run([*words, "dataset.models=[cow]", "levels=[0.1]", "repeats=1", "gallery.models=0"])
     rows = pd.read_parquet(workplace / "mine" / "shot_noise" / "bundled" / "trials.parquet")
-    assert rows[["segmenter", "status", "n_segments_reference"]].values.tolist() == [["my_method", "ok", 5]]
+    assert rows[["segmenter", "status", "n_segments_reference"]].values.tolist() == [["my_method (k=5)", "ok", 5]]
 
 
 @pytest.mark.parametrize("page", TEXT)

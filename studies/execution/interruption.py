@@ -53,6 +53,27 @@ def watch_ctrl_c() -> Iterator[Callable[[], bool]]:
             signal.signal(signal.SIGINT, previous)
 
 
+@contextlib.contextmanager
+def keep_ctrl_c() -> Iterator[None]:
+    """Keep the handler of Ctrl-C while the block imports a module: `dask_jobqueue` installs one of its own.
+
+    Examples
+    --------
+    >>> before = signal.getsignal(signal.SIGINT)
+    >>> with keep_ctrl_c():
+    ...     _ = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    >>> signal.getsignal(signal.SIGINT) is before
+    True
+    """
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        yield
+    finally:
+        is_main = threading.current_thread() is threading.main_thread()
+        if is_main and before is not None and signal.getsignal(signal.SIGINT) is not before:
+            signal.signal(signal.SIGINT, before)
+
+
 def is_ctrl_c(error: BaseException) -> bool:
     """Whether an exception stems from the user's Ctrl-C, and must not be treated as the failure of a trial.
 

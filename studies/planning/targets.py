@@ -10,7 +10,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from studies.execution.interruption import is_ctrl_c, reason
+from studies.execution.interruption import is_ctrl_c, keep_ctrl_c, reason
 from studies.planning.types import wrong_types
 
 REQUIRED = "???"  # the value of an option that has no default
@@ -79,8 +79,9 @@ def locate(group: str, name: Any, error: type[ValueError]) -> Callable[..., Any]
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     try:
-        _import_module_of(name)  # what importing it raises says more than that there is no such attribute
-        target = pkgutil.resolve_name(name)
+        with keep_ctrl_c():
+            _import_module_of(name)  # what importing it raises says more than that there is no such attribute
+            target = pkgutil.resolve_name(name)
     except BaseException as raised:  # whatever importing the user's module raises
         if is_ctrl_c(raised):
             raise

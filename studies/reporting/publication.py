@@ -117,20 +117,21 @@ class Publication:
         """
         if "source" in table.frame and "method" in table.frame:
             return self._with_methods(table)
-        if not table.value or PUBLISHED not in table.columns or not self.is_about(rows):
+        if not table.value or PUBLISHED not in table.columns:
             return table
         name = self._data["column"]
         frame = table.frame.copy()
         values = [self._value(record, rows) for record in table.records()]
-        if all(map(math.isnan, values)) and not self._has_studies_of(rows):
-            return table
+        is_about = self.is_about(rows) and not (all(map(math.isnan, values)) and not self._has_studies_of(rows))
         position = list(frame.columns).index(table.published_before) if table.published_before else len(frame.columns)
         frame.insert(position, name, values)
         shown = next((column for column in table.columns if column.name == table.value), Column(name=table.value))
         published = dataclasses.replace(
-            shown, name=name, heading=name, bounds=None, help=f"Value in {self._data['label']}."
+            shown, name=name, heading=name, bounds=None, help=f"Value in {self._data['label']}.", shown=is_about
         )
         columns = tuple(published if column == PUBLISHED else column for column in table.columns)
+        if not is_about:  # the column is stored, so that every table of a kind of experiment has the same ones
+            return table.replace(frame=frame, columns=columns)
         notes = " ".join(filter(None, (table.notes, self._data["note"])))
         return table.replace(
             frame=frame, columns=columns, notes=notes, published=Published(name, str(self._data["label"]))

@@ -14,6 +14,7 @@ from studies.execution.interruption import is_ctrl_c, watch_ctrl_c
 from studies.execution.study import run_study
 from studies.metrics import registry
 from studies.metrics.metric import Metric
+from studies.planning.targets import locate
 from tests.helpers.hostile import DEEDS
 from tests.studies.conftest import typed
 
@@ -148,6 +149,16 @@ def test_ctrl_c_is_told_from_an_exception_of_its_kind():
         assert was_pressed()
         assert not is_ctrl_c(SystemExit())
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_module_of_a_target_leaves_ctrl_c_as_it_was(own_modules, monkeypatch):
+    (own_modules / "leaving_on_ctrl_c.py").write_text(
+        "import signal, sys\nsignal.signal(signal.SIGINT, lambda *_: sys.exit())\ndef halves(vertices, faces): ...\n"
+    )
+    monkeypatch.syspath_prepend(own_modules)
+    before = signal.getsignal(signal.SIGINT)
+    assert locate("segmenter", "leaving_on_ctrl_c.halves", ValueError).__name__ == "halves"
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_outside_the_main_thread_no_exception_is_ctrl_c():

@@ -158,5 +158,5 @@ def test_a_trial_and_a_row_are_counted_in_the_singular(study, here, capsys):
     (here / "broken").touch()
     assert not study("repeats=1", "levels=[0.1]")
     out = said(capsys)
-    assert "Normal noise on files: 1 trial " in out
+    assert "Normal noise on files: halves, 1 trial " in out
     assert "1 of 1 trial failed" in out

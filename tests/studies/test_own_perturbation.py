@@ -36,7 +36,7 @@ def test_the_example_runs_where_it_is_typed(here, example):
     assert rows["perturbation"].unique().tolist() == ["stretch"]
     assert (rows["change_percentage"] > 0).any()
     assert (folder / "gallery.png").exists()
-    assert pd.read_csv(folder / "table.csv")["paper"].isna().all()  # the paper has no figure for it
+    assert pd.read_csv(folder / "table.csv")["paper"].isna().all()  # the paper has no value for it
 
 
 def test_other_code_is_another_perturbation(here, own_modules, plan, example):
