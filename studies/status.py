@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from studies.storage import default_results, result_folders, summarize
+from studies.storage.folders import RESULTS
 from studies.terminal import MISTAKE, SUCCESS, one_line, run_command
 
 if TYPE_CHECKING:
@@ -66,8 +67,10 @@ def print_table(lines: list[tuple[str, ...]]) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """The command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="studies.status", description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("results", nargs="?", type=Path, help="folder (default: where studies.run writes)")
+    parser.add_argument("results", nargs="?", type=Path, help="folder (default: where studies.run writes, or results)")
     results = parser.parse_args(arguments).results or default_results()
+    if not results.exists():  # the first look at a fresh clone is at the published results
+        results = Path(RESULTS)
     folders = result_folders(results)
     if not folders:
         print(f"studies.status: error: no results of a study in {results}", file=sys.stderr)

@@ -10,10 +10,11 @@ from typing import Any
 
 from studies.planning.targets import locate
 
-# Options about where and how trials run, and how results are shown.
+# Options about where and how trials run, and how results are shown; and `categories`, to which `dataset.categories`
+# refers, so that a study may choose them for the datasets that have some.
 INCIDENTAL = (
     "engine", "results_dir", "trial", "gallery", "on_error", "retry_failed", "fresh", "dry_run", "hydra", "title",
-    "axis", "publication", "plates", "figure15", "study",
+    "axis", "publication", "plates", "figure15", "study", "categories",
 )  # fmt: skip
 # Options that choose which trials there are. Rows for different values of them belong together.
 SELECTING = ("levels", "repeats", "times", "models_drawn", "seed")

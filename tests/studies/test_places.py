@@ -294,6 +294,9 @@ def test_published_results_are_written_to_only_if_they_are_named(ran, herd, caps
     assert before == files(herd / "results", below=True)
     assert status.main([]) == 0
     assert "segmenter.seconds=0.001" in capsys.readouterr().out
+    shutil.move("runs", "elsewhere")
+    assert status.main([]) == 0  # of the published results, as in a fresh clone
+    assert "segmenter.seconds" not in capsys.readouterr().out
     assert ran("repeats=3").folder.parts[0] == "results"
     assert len(stored(herd / "results" / FOLDER)) == 18
 
