@@ -68,9 +68,10 @@ def main(arguments: list[str] | None = None) -> int:
     """The command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="studies.status", description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("results", nargs="?", type=Path, help="folder (default: where studies.run writes, or results)")
-    results = parser.parse_args(arguments).results or default_results()
-    if not results.exists():  # the first look at a fresh clone is at the published results
-        results = Path(RESULTS)
+    results = parser.parse_args(arguments).results
+    if results is None:
+        # The first look at a fresh clone is at the published results.
+        results = default_results() if default_results().exists() else Path(RESULTS)
     folders = result_folders(results)
     if not folders:
         print(f"studies.status: error: no results of a study in {results}", file=sys.stderr)
