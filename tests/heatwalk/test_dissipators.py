@@ -25,9 +25,10 @@ def test_divergences_and_dissipators_equal_those_of_algorithm_2(name, time):
     np.testing.assert_allclose(seg.divergence_from_uniform, from_uniform, atol=1e-9)
     np.testing.assert_allclose(seg.divergence_from_region, from_region, atol=1e-7)
     difference = from_region - from_uniform
-    is_clear = np.abs(difference) > 1e-12  # n x n arrays of exponentials do not resolve the others
+    # On small components heat is uniform, and the sign of the printed difference is rounding error.
+    is_body = seg.kernel.component == np.bincount(seg.kernel.component).argmax()
+    is_clear = is_body | (np.abs(difference) > 1e-15)
     assert np.array_equal((seg.labels == len(seg.exemplars))[is_clear], difference[is_clear] > 0)
-    assert is_clear.any() == (np.abs(seg.relative_entropy_excess).max() > 1e-12)
 
 
 def test_no_vertex_dissipates_on_a_component_on_which_heat_is_uniform():

@@ -219,6 +219,8 @@ def test_help_lists_what_there_is(tmp_path):
 def test_help_calls_a_group_as_its_option_is_called(tmp_path):
     done = typed(tmp_path, "--help")
     assert "\n  publication: heat_walk_2011 " in done.stdout
+    assert "\nstudy=\n  anatomy  " in done.stdout
+    assert "\n  custom  " in done.stdout
     assert "paper=" not in done.stdout
 
 

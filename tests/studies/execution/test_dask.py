@@ -282,8 +282,9 @@ def test_meshes_reach_workers_that_do_not_see_their_files(scheduler, tmp_path, p
     ]
 
     def rows(engine):
-        found = run_trials(engine, planned)
-        return {row["trial_id"]: {key: row[key] for key in KEPT} for row in found}
+        found = list(run_trials(engine, planned))
+        raised = {row["trial_id"]: (row["traceback"] or "").split("\n")[-1] for row in found}
+        return {row["trial_id"]: {key: row[key] for key in KEPT} | {"raised": raised[row["trial_id"]]} for row in found}
 
     engine = Dask(scheduler[0])
     expected = rows(Serial())
