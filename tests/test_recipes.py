@@ -1,6 +1,5 @@
 """The recipes of CONTRIBUTING.md, followed literally in a fresh copy of the repository."""
 
-import os
 import shlex
 import shutil
 import subprocess
@@ -11,6 +10,7 @@ import pandas as pd
 import pytest
 
 from tests.helpers.documents import ROOT, blocks, section
+from tests.helpers.interpreter import COMPILED, Interpreter
 
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 
@@ -36,6 +36,14 @@ def fresh_copy(tmp_path_factory):
     return copy
 
 
+@pytest.fixture(scope="module")
+def interpreter(fresh_copy):
+    """Runs the commands of recipes; of the copy it has imported what no recipe changes."""
+    interpreter = Interpreter(fresh_copy, COMPILED)
+    yield interpreter
+    interpreter.close()
+
+
 @pytest.fixture
 def repository(fresh_copy):
     """The copy as it was committed; what numba compiles stays for the next test."""
@@ -46,7 +54,7 @@ def repository(fresh_copy):
 
 
 @pytest.fixture
-def follow(repository):
+def follow(repository, interpreter):
     """A function: heading of a recipe, folder -> writes its files and runs its commands there; what each prints."""
 
     def run(heading, folder=repository):
@@ -59,7 +67,7 @@ def follow(repository):
             path.write_text(block.text, encoding="utf-8")
         lint(repository, folder, [block.title for block in files if block.language == "python"])
         printed = [
-            run_command(line, repository, folder)
+            run_command(line, interpreter, folder)
             for block in recipe if block.language == "sh"
             for line in block.text.splitlines()
         ]  # fmt: skip
@@ -83,17 +91,10 @@ def lint(repository, folder, names):
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-def run_command(line, repository, folder):
+def run_command(line, interpreter, folder):
     program, *words = shlex.split(line)
     assert program == "python"
-    done = subprocess.run(
-        [sys.executable, *words],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(repository), "COLUMNS": "120"},
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-    )
+    done = interpreter.run(words, folder, {"COLUMNS": "120"})
     assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
     return done.stdout
 
