@@ -5,6 +5,7 @@ command; what a command does, prints and returns is what it does in an interpret
 those libraries are there already. Tests of what is imported, of a terminal or of a signal start an interpreter instead.
 """
 
+import atexit
 import os
 import pickle
 import subprocess
@@ -66,6 +67,7 @@ class Interpreter:
 
 def next_command() -> list[str]:
     """Fork for each command that is asked for; returns in the process that is to run it, its words."""
+    import gc
     import importlib
     from contextlib import suppress
 
@@ -74,6 +76,7 @@ def next_command() -> list[str]:
     for module in modules:
         importlib.import_module(module)
     exec(prepare, {})
+    gc.freeze()
     while True:
         try:
             words, cwd, environment, files = pickle.load(sys.stdin.buffer)
@@ -169,5 +172,30 @@ def run_command(words: Sequence[str]) -> None:
         runpy.run_path(words[0], run_name="__main__")
 
 
+def exit_code_of(words: Sequence[str]) -> int:
+    """Run a command: the exit code of its process."""
+    try:
+        run_command(words)
+    except SystemExit as end:
+        if end.code is None or isinstance(end.code, int):
+            return end.code or 0
+        print(end.code, file=sys.stderr)
+        return 1
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+        return 1
+    return 0
+
+
+def skip_the_end(ended: Sequence[int]) -> None:
+    """Exit with the code in a list, without taking down what was imported, which takes a second."""
+    if ended:
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        os._exit(ended[0])
+
+
 if __name__ == "__main__":
-    run_command(next_command())  # at the top: it ends as any other interpreter does
+    ended: list[int] = []
+    atexit.register(skip_the_end, ended)  # the first one is called last, when threads and all others have ended
+    ended.append(exit_code_of(next_command()))
