@@ -11,6 +11,8 @@ import threadpoolctl
 import trimesh
 
 from studies.datasets.cache import FOLDER_VARIABLE
+from tests.helpers.documents import ROOT
+from tests.helpers.interpreter import COMPILED, Interpreter
 from tests.helpers.meshes import DATA
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -35,6 +37,14 @@ def pytest_unconfigure(config):
     """The cache ends with the run."""
     if hasattr(config, "mesh_cache"):
         shutil.rmtree(config.mesh_cache, ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def interpreter():
+    """Runs commands with this project's packages, as ``python`` does; see `tests.helpers.interpreter`."""
+    interpreter = Interpreter(ROOT, COMPILED)
+    yield interpreter
+    interpreter.close()
 
 
 @pytest.fixture(scope="session")

@@ -1,12 +1,9 @@
 """README, CONTRIBUTING and docs/: their links, commands and snippets are those of the code."""
 
 import itertools
-import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -46,14 +43,11 @@ def workplace(tmp_path):
 
 
 @pytest.fixture
-def run(workplace):
+def run(workplace, interpreter):
     """A function: words of a command -> what it prints in the workplace."""
 
     def run_there(words):
-        done = subprocess.run(
-            [sys.executable, *words], cwd=workplace, env=os.environ | {"PYTHONPATH": str(ROOT)},
-            capture_output=True, text=True, encoding="utf-8",
-        )  # fmt: skip
+        done = interpreter.run(words, workplace)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 

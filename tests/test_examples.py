@@ -1,27 +1,18 @@
 """The scripts in examples/ run as they are, in a folder of the user's, and write what they say."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import pandas as pd
 import pytest
 
 from heatwalk import read_mesh
-
-ROOT = Path(__file__).parents[1]
+from tests.helpers.documents import ROOT
 
 
 @pytest.fixture
-def run_example(tmp_path):
+def run_example(tmp_path, interpreter):
     """A function: name of a script and its arguments -> what it prints."""
 
     def run(name, *arguments):
-        done = subprocess.run(
-            [sys.executable, ROOT / "examples" / name, *arguments],
-            cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
-        )  # fmt: skip
+        done = interpreter.run([ROOT / "examples" / name, *arguments], tmp_path)
         assert done.returncode == 0, done.stderr
         return done.stdout
 

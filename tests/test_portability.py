@@ -1,9 +1,6 @@
 """The project runs on Linux, macOS and Windows: nothing in it exists on one of them alone."""
 
 import ast
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -60,19 +57,13 @@ def test_no_module_uses_what_windows_does_not_have():
 
 
 @pytest.mark.parametrize("engine", ["engine=serial", "engine.workers=2"])
-def test_a_study_runs_without_the_names_that_windows_does_not_have(engine, tmp_path):
+def test_a_study_runs_without_the_names_that_windows_does_not_have(engine, tmp_path, interpreter):
     bundled("ant").export(tmp_path / "ant.off")
     words = (
         "+study=normal_noise", "dataset=files", "dataset.glob=ant.off", "segmenter=custom",
         "segmenter._target_=tests.helpers.segmenting.halves", "gallery.models=0", "levels=[0.1]", "repeats=4",
     )  # fmt: skip
-    done = subprocess.run(
-        [sys.executable, as_on_windows.__file__, *words, engine],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(PROJECT)},
-        capture_output=True,
-        text=True,
-    )
+    done = interpreter.run([as_on_windows.__file__, *words, engine], tmp_path)
     assert done.returncode == 0, done.stderr
     assert "workers are started by: spawn" in done.stdout
     assert "the project sees os.fork: False" in done.stdout

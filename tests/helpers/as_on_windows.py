@@ -76,6 +76,9 @@ def import_as_on_windows(name, globals=None, locals=None, fromlist=(), level=0):
 original_import = builtins.__import__
 builtins.__import__ = import_as_on_windows
 
+for name in [name for name in sys.modules if name.partition(".")[0] in PACKAGES]:
+    del sys.modules[name]  # of an interpreter of the tests, which has imported some as they are
+
 
 def import_all():
     """Import every module of this project but those that are commands or need an optional package."""
