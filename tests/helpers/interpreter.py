@@ -18,8 +18,8 @@ from pathlib import Path
 LIBRARIES = (
     "numba", "scipy.sparse.csgraph", "scipy.sparse.linalg", "scipy.optimize", "scipy.ndimage", "pandas",
     "pyarrow.parquet", "psutil", "threadpoolctl", "loky", "hydra.main", "hydra.core.plugins", "omegaconf",
-    "rich.console", "rich.progress", "trimesh", "pymeshlab", "fast_simplification", "pyvista", "pyvista.plotting.plotter",
-    "matplotlib.figure", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf",
+    "rich.console", "rich.progress", "trimesh", "pymeshlab", "fast_simplification", "pyvista",
+    "pyvista.plotting.plotter", "matplotlib.figure", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf",
 )  # fmt: skip
 
 COMPILED = "import heatwalk.segmentation; heatwalk.segmentation.compile_ahead()"  # what segmenting takes from a cache
@@ -91,7 +91,7 @@ def next_command() -> list[str]:
         file = os.open(path, os.O_RDWR | os.O_CREAT)
         os.dup2(file, number)
         os.close(file)
-    sys.stdin = open(0, closefd=False)  # noqa: SIM115: it stays open
+    sys.stdin = open(0, closefd=False)  # noqa: SIM115
     os.chdir(cwd)
     os.environ.clear()
     os.environ.update(environment)
