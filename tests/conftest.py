@@ -7,9 +7,12 @@ import tempfile
 import zipfile
 
 import pytest
+import scipy.sparse as sp
 import threadpoolctl
 import trimesh
 
+from heatwalk.numerics.solver import PositiveDefiniteSolver
+from heatwalk.segmentation import segment
 from studies.datasets.cache import FOLDER_VARIABLE
 from tests.helpers.documents import ROOT
 from tests.helpers.interpreter import COMPILED, Interpreter
@@ -31,6 +34,35 @@ def pytest_configure(config):
         for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
             os.environ.setdefault(variable, "1")  # of libraries that are loaded later, and of child processes
         threadpoolctl.threadpool_limits(1)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Tests of a file run in one process, which makes what they share once; files start in the order of collection."""
+    from xdist.scheduler import LoadFileScheduling
+
+    if config.getvalue("dist") != "load":  # what ``-n`` alone means
+        return None
+    config.option.loadscopereorder = False
+    return LoadFileScheduling(config, log)
+
+
+def pytest_collection_modifyitems(items):
+    """The recipes, which take longest, come early enough for the other process to have something to do meanwhile."""
+    position = {"heatwalk": 0, "perturb": 1, "test_recipes.py": 2}
+    items.sort(key=lambda item: position.get(item.path.relative_to(ROOT / "tests").parts[0], 3))
+
+
+def pytest_sessionstart(session):
+    """If nothing is compiled yet, every other process of pytest-xdist compiles the solver, the others the search."""
+    worker = os.environ.get("PYTEST_XDIST_WORKER")
+    if worker is None:
+        return
+    if int(worker.removeprefix("gw")) % 2:
+        PositiveDefiniteSolver(sp.diags_array([-1.0, 4.0, -1.0], offsets=[-1, 0, 1], shape=(2000, 2000)).tocsr())
+    else:
+        sphere = trimesh.creation.icosphere(2)  # its eigenvalues need no solver
+        segment(sphere.vertices, sphere.faces)
 
 
 def pytest_unconfigure(config):

@@ -19,7 +19,8 @@ LIBRARIES = (
     "numba", "scipy.sparse.csgraph", "scipy.sparse.linalg", "scipy.optimize", "scipy.ndimage", "pandas",
     "pyarrow.parquet", "psutil", "threadpoolctl", "loky", "hydra.main", "hydra.core.plugins", "omegaconf",
     "rich.console", "rich.progress", "trimesh", "pymeshlab", "fast_simplification", "pyvista",
-    "pyvista.plotting.plotter", "matplotlib.figure", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf",
+    "pyvista.plotting.plotter", "matplotlib.figure", "matplotlib.backends.backend_agg",
+    "matplotlib.backends.backend_pdf",
 )  # fmt: skip
 
 COMPILED = "import heatwalk.segmentation; heatwalk.segmentation.compile_ahead()"  # what segmenting takes from a cache
@@ -37,9 +38,10 @@ class Interpreter:
     """
 
     def __init__(self, root: Path, prepare: str = ""):
-        self._environment = os.environ | {"PYTHONPATH": str(root)}
+        self._path = str(root)
+        environment = os.environ | {"PYTHONPATH": self._path}
         self._process = subprocess.Popen(
-            [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=root, env=self._environment
+            [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=root, env=environment
         )
         self._send((LIBRARIES, prepare))
 
@@ -48,9 +50,10 @@ class Interpreter:
     ) -> subprocess.CompletedProcess:
         """What ``python WORDS`` gives in a folder, with ``variables`` in its environment; it reads nothing."""
         words = [str(word) for word in words]
+        environment = dict(os.environ) | {"PYTHONPATH": self._path} | dict(variables or {})
         with tempfile.TemporaryDirectory() as folder:
             files = [Path(folder) / name for name in ("stdout", "stderr")]
-            self._send((words, str(cwd), dict(self._environment | (variables or {})), [str(path) for path in files]))
+            self._send((words, str(cwd), environment, [str(path) for path in files]))
             exit_code = pickle.load(self._process.stdout)
             return subprocess.CompletedProcess(words, exit_code, *(path.read_text(encoding="utf-8") for path in files))
 

@@ -1,4 +1,4 @@
-"""A real scheduler and two workers, processes of their own, over TCP on loopback."""
+"""A real scheduler and three workers, processes of their own, over TCP on loopback."""
 
 import json
 import os
@@ -28,9 +28,10 @@ from tests.studies.execution.engines import (
     square,
     wait_for,
 )
-from tests.studies.test_run import run
 
 pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
+
+import distributed
 
 from studies.execution import Dask
 
@@ -53,15 +54,22 @@ def start_worker(folder):
     return start(folder, "worker", "--scheduler-file", "scheduler.json", "--nthreads", "1", "--no-dashboard")
 
 
+def n_workers(address):
+    with distributed.Client(address, set_as_default=False) as client:
+        return len(client.nthreads())
+
+
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
-    """A scheduler's address, and the folder of its file and two workers."""
+    """A scheduler's address, its workers, and the folder of its file; tests may end two of the workers."""
     folder = tmp_path_factory.mktemp("dask")
     words = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", "scheduler.json")
     programs = [start(folder, "scheduler", *words)]
     wait_for((folder / "scheduler.json").exists)
-    programs += [start_worker(folder), start_worker(folder)]
-    yield json.loads((folder / "scheduler.json").read_text())["address"], programs[1:], folder
+    programs += [start_worker(folder) for _ in range(3)]
+    address = json.loads((folder / "scheduler.json").read_text())["address"]
+    wait_for(lambda: n_workers(address) == 3)
+    yield address, programs[1:], folder
     for program in programs:
         os.killpg(program.pid, signal.SIGTERM)
     for program in programs:
@@ -76,7 +84,7 @@ def test_every_task_gets_its_own_outcome(scheduler):
 
 def test_work_is_done_by_processes_of_the_workers_with_one_blas_thread_each(scheduler):
     pids = {pid for _, pid in completed(Dask(scheduler[0]), process, range(12))}
-    assert len(pids) == 2
+    assert len(pids) == n_workers(scheduler[0])
     assert os.getpid() not in pids
     assert {n for _, n in completed(Dask(scheduler[0]), blas_threads, [0])} == {1}
 
@@ -87,8 +95,8 @@ def test_a_task_that_crashes_or_hangs_costs_itself_only_and_no_worker(scheduler)
     outcomes = outcomes_of(Dask(scheduler[0]), abort_at_three, range(8))
     assert outcomes.pop(3) == TaskFailure("crashed", "its process died with exit code -6")
     assert outcomes == {x: x for x in range(8) if x != 3}
-    outcomes = outcomes_of(Dask(scheduler[0], timeout=2), hang_at_three, range(8))
-    assert outcomes.pop(3) == TaskFailure("timeout", "took longer than trial.timeout=2 seconds")
+    outcomes = outcomes_of(Dask(scheduler[0], timeout=1), hang_at_three, range(8))
+    assert outcomes.pop(3) == TaskFailure("timeout", "took longer than trial.timeout=1 seconds")
     assert outcomes == {x: x for x in range(8) if x != 3}
     assert before == {child.pid for worker in scheduler[1] for child in psutil.Process(worker.pid).children()}
 
@@ -104,21 +112,22 @@ def test_a_worker_finds_the_modules_that_the_head_process_finds(scheduler, own_m
 def slowly(task):
     x, folder = task
     open(os.path.join(folder, f"{os.getpid()}"), "w").close()
-    time.sleep(0.3)
+    time.sleep(0.15)
     return x * x
 
 
 def test_a_worker_that_is_killed_costs_nothing(scheduler, tmp_path):
     address, workers, _ = scheduler
+    n = n_workers(address)
     tasks = [(x, str(tmp_path)) for x in range(24)]
     results = completed(Dask(address), slowly, tasks)
     outcomes = dict(next(results) for _ in range(4))
-    wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
+    wait_for(lambda: len(list(tmp_path.iterdir())) == n)
     os.killpg(workers[0].pid, signal.SIGKILL)  # the nanny; its worker is in another session
     victims = [path.name for path in tmp_path.iterdir()]
     outcomes |= dict(results)
     assert outcomes == {(x, path): x * x for x, path in tasks}
-    assert len(victims) == 2
+    assert len(victims) == n > 1
 
 
 @pytest.mark.slow  # three workers start one after the other
@@ -149,16 +158,16 @@ def test_a_cluster_is_started_for_the_study_and_ends_with_it():
     wait_for(lambda: not any(psutil.pid_exists(pid) for pid in pids))
 
 
-def test_tasks_of_a_worker_that_is_retired_run_on_another(tmp_path):
-    from distributed import LocalCluster
-
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
-        tasks = [(x, str(tmp_path)) for x in range(24)]
-        results = completed(Dask(cluster.scheduler_address), slowly, tasks)
-        outcomes = dict(next(results) for _ in range(4))
-        wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
-        cluster.scale(1)
-        outcomes |= results
+def test_tasks_of_a_worker_that_is_retired_run_on_another(scheduler, tmp_path):
+    n = n_workers(scheduler[0])
+    tasks = [(x, str(tmp_path)) for x in range(24)]
+    results = completed(Dask(scheduler[0]), slowly, tasks)
+    outcomes = dict(next(results) for _ in range(4))
+    wait_for(lambda: len(list(tmp_path.iterdir())) == n > 1)
+    with distributed.Client(scheduler[0], set_as_default=False) as client:
+        assert len(client.retire_workers(list(client.nthreads())[:1])) == 1
+    outcomes |= results
+    assert n_workers(scheduler[0]) == n - 1
     assert outcomes == {(x, path): x * x for x, path in tasks}
 
 
@@ -184,19 +193,20 @@ def queue_of(folder, monkeypatch, sbatch):
         ("", "No such file or directory: 'sbatch'"),
     ],
 )
-def test_a_queue_that_takes_no_job_ends_the_study_with_its_words(here, monkeypatch, sbatch, words):
+def test_a_queue_that_takes_no_job_ends_the_study_with_its_words(here, monkeypatch, interpreter, sbatch, words):
     queue_of(here, monkeypatch, sbatch)
-    done = run(here, *STUDY, "engine=dask", "engine.workers=2", TYPED_SLURM, "repeats=1")
+    words_typed = ("engine=dask", "engine.workers=2", TYPED_SLURM, "repeats=1")
+    done = interpreter.run(["-m", "studies.run", *STUDY, *words_typed], here, {"COLUMNS": "80"})
     assert done.returncode == 2
     assert done.stderr.startswith("studies.run: error: 2 of 2 workers of the cluster could not be started: ")
     assert words in done.stderr
     assert done.stderr.count("\n") == 1
 
 
-def test_jobs_that_never_start_are_awaited_for_a_limited_time_and_a_line_says_so(here, monkeypatch):
+def test_jobs_that_never_start_are_awaited_for_a_limited_time_and_a_line_says_so(here, monkeypatch, interpreter):
     queue_of(here, monkeypatch, "echo 'Submitted batch job 42'")
     words = ("engine=dask", "engine.workers=2", TYPED_SLURM, "engine.wait=1", "repeats=1")
-    done = run(here, *STUDY, *words)
+    done = interpreter.run(["-m", "studies.run", *STUDY, *words], here, {"COLUMNS": "80"})
     assert done.returncode == 2
     awaited, error = done.stderr.splitlines()
     assert awaited == "waiting for workers of the cluster, 0 seconds so far, 1 seconds"

@@ -91,8 +91,8 @@ def test_a_task_that_exits_costs_itself_only():
 
 
 def test_a_worker_that_hangs_costs_its_own_task_only():
-    outcomes = outcomes_of(Local(workers=2, timeout=3), hang_at_three, range(8))
-    assert outcomes.pop(3) == TaskFailure("timeout", "took longer than trial.timeout=3 seconds")
+    outcomes = outcomes_of(Local(workers=2, timeout=1), hang_at_three, range(8))
+    assert outcomes.pop(3) == TaskFailure("timeout", "took longer than trial.timeout=1 seconds")
     assert outcomes == {x: x for x in range(8) if x != 3}
 
 
@@ -105,7 +105,7 @@ def start_program_and_hang(path):
 
 def test_a_task_whose_time_is_over_ends_with_the_programs_that_it_started(tmp_path):
     path = tmp_path / "pid"
-    outcomes = outcomes_of(Local(workers=1, timeout=5), start_program_and_hang, [path])
+    outcomes = outcomes_of(Local(workers=1, timeout=2), start_program_and_hang, [path])
     assert outcomes[path].status == "timeout"
     wait_for(lambda: not psutil.pid_exists(int(path.read_text())))
 
@@ -118,7 +118,7 @@ class SlowToRead:
 
 
 def slow_to_read():
-    time.sleep(0 if imported else 6)
+    time.sleep(0 if imported else 2)
     imported.append(True)
     return SlowToRead()
 
@@ -127,7 +127,7 @@ imported = []
 
 
 def test_imports_do_not_count_as_time_of_a_task():
-    assert map_ordered(Local(workers=1, timeout=5), type, [SlowToRead(), SlowToRead()]) == [SlowToRead, SlowToRead]
+    assert map_ordered(Local(workers=1, timeout=1.5), type, [SlowToRead(), SlowToRead()]) == [SlowToRead, SlowToRead]
 
 
 def test_a_task_that_takes_all_memory_costs_itself_only_and_ends_with_the_programs_that_it_started(tmp_path):
@@ -374,13 +374,12 @@ def test_workers_end_when_a_session_is_left_early():
     assert not any(psutil.pid_exists(pid) for pid in pids)
 
 
-def test_a_process_that_forgets_to_close_its_pool_exits(tmp_path):
+def test_a_process_that_forgets_to_close_its_pool_exits(interpreter, tmp_path):
     code = (
         "import pickle\nfrom studies.execution.worker_pool import WorkerPool\n"
         "pool = WorkerPool(pickle.dumps(abs), 1)\nprint(pool.outcome(pickle.dumps(-2)))"
     )
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
+    done = interpreter.run(["-c", code], tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (0, "2\n", "")
 
 
@@ -398,11 +397,9 @@ def test_tasks_are_taken_a_few_at_a_time():
     outcomes.close()
 
 
-def test_by_default_there_is_a_worker_per_processor_that_this_process_may_use():
+def test_by_default_there_is_a_worker_per_processor_that_this_process_may_use(interpreter, tmp_path):
     code = "from studies.execution import Local; print(Local().processes)"
-    environment = os.environ | {"LOKY_MAX_CPU_COUNT": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout == "1\n"
+    assert interpreter.run(["-c", code], tmp_path, {"LOKY_MAX_CPU_COUNT": "1"}).stdout == "1\n"
     assert 1 <= Local().processes <= os.cpu_count()
 
 
