@@ -171,32 +171,26 @@ def test_no_command_is_rejected(capsys):
     assert stopped.value.code == 2
 
 
-def run(*arguments):
-    return subprocess.run(
-        [sys.executable, "-c", "from heatwalk.cli import main; raise SystemExit(main())", *arguments],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-    )
+PROGRAM = "from heatwalk.cli import main; raise SystemExit(main())"
 
 
-def test_a_bad_mesh_ends_the_process_with_one_line_and_exit_code_2(tmp_path):
+def test_a_bad_mesh_ends_the_process_with_one_line_and_exit_code_2(interpreter, tmp_path):
     path = tmp_path / "bad.off"
     path.write_text("OFF\n4 4 0\n0 0 0\n")
-    process = run("segment", path)
+    process = interpreter.run(["-c", PROGRAM, "segment", path], tmp_path)
     assert process.returncode == 2
     assert process.stdout == ""
     assert process.stderr == f"heatwalk: error: {path}: declares 4 vertices but contains 1: the file is truncated\n"
 
 
-def test_log_messages_of_trimesh_do_not_reach_the_user(tmp_path):
+def test_log_messages_of_trimesh_do_not_reach_the_user(interpreter, tmp_path):
     path = tmp_path / "normals.stl"
     facets = "".join(
         "facet normal of words\nouter loop\n" + "".join(f"vertex {v}\n" for v in corners) + "endloop\nendfacet\n"
         for corners in (["0 0 0", "0 1 0", "1 0 0"], ["0 0 0", "1 0 0", "0 0 1"], ["1 0 0", "0 1 0", "0 0 1"])
     )
     path.write_text(f"solid\n{facets}endsolid\n")
-    process = run("inspect", path)
+    process = interpreter.run(["-c", PROGRAM, "inspect", path], tmp_path)
     assert process.returncode == 0
     assert "4 vertices, 3 faces" in process.stdout
     assert process.stderr == ""
@@ -249,8 +243,7 @@ def test_welding_is_an_option_of_both_commands(in_empty_folder, capsys):
 
 def script(arguments, tail="", **environment):
     """Run the command in a shell, with what follows it there: (exit code of the command, stdout, stderr)."""
-    program = "from heatwalk.cli import main; raise SystemExit(main())"
-    command = shlex.join([sys.executable, "-c", program, *map(str, arguments)])
+    command = shlex.join([sys.executable, "-c", PROGRAM, *map(str, arguments)])
     process = subprocess.run(
         ["bash", "-c", f"{command} {tail}; echo ${{PIPESTATUS[0]}}"],
         cwd=ROOT,
@@ -262,16 +255,20 @@ def script(arguments, tail="", **environment):
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
-def test_a_terminal_of_any_encoding_is_written_to(tmp_path, encoding):
+def test_a_terminal_of_any_encoding_is_written_to(interpreter, tmp_path, encoding):
+    def run(*arguments):
+        return interpreter.run(["-c", PROGRAM, *arguments], tmp_path, {"PYTHONIOENCODING": encoding})
+
     path = tmp_path / "ant …\u4e2d.ply"
     path.write_bytes(bundled_path("ant").read_bytes())
     for arguments in (["segment", path, "--output", tmp_path / "…out.ply"], ["inspect", path], ["--help"]):
-        code, _, error = script(arguments, "| cat > /dev/null", PYTHONIOENCODING=encoding)
-        assert (code, error) == (0, "")
-    code, _, error = script(["inspect", tmp_path / "gone….off"], PYTHONIOENCODING=encoding)
-    assert code == 2
-    assert "cannot be read: No such file or directory" in error
-    assert "Traceback" not in error
+        done = run(*arguments)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout
+    done = run("inspect", tmp_path / "gone….off")
+    assert done.returncode == 2
+    assert "cannot be read: No such file or directory" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("command", [["segment"], ["inspect"], ["--help"], ["segment", "--help"]])

@@ -55,7 +55,8 @@ class Interpreter:
             files = [Path(folder) / name for name in ("stdout", "stderr")]
             self._send((words, str(cwd), environment, [str(path) for path in files]))
             exit_code = pickle.load(self._process.stdout)
-            return subprocess.CompletedProcess(words, exit_code, *(path.read_text(encoding="utf-8") for path in files))
+            texts = [path.read_text(encoding=environment.get("PYTHONIOENCODING", "utf-8")) for path in files]
+            return subprocess.CompletedProcess(words, exit_code, *texts)
 
     def close(self) -> None:
         """End the process."""
@@ -98,6 +99,9 @@ def next_command() -> list[str]:
     os.chdir(cwd)
     os.environ.clear()
     os.environ.update(environment)
+    if "PYTHONIOENCODING" in environment:
+        sys.stdout.reconfigure(encoding=environment["PYTHONIOENCODING"])
+        sys.stderr.reconfigure(encoding=environment["PYTHONIOENCODING"])
     importlib.invalidate_caches()
     with suppress(AttributeError):  # a module of Linux
         keep_a_fork_server_ready()
