@@ -10,6 +10,7 @@ from heatwalk.meshes import MeshError
 
 _UNSIGNED = re.compile(r"\s*[0-9]+\s*")
 _SIGNED = re.compile(r"\s*[+-]?[0-9]+\s*")
+_PLAIN = re.compile(r"(?:[0-9]{1,18}\n)*+[0-9]{1,18}")  # what nearly every file contains
 _LINE_END = re.compile(r"\r\n|\r|\n")  # str.splitlines knows a dozen more
 _MAX_DIGITS = 18  # so many always fit into int64
 _RANGE = np.iinfo(np.int64)
@@ -47,6 +48,8 @@ def parse_integers(text: str, expected: str = "an integer", *, signed: bool = Fa
     """
     pattern = _SIGNED if signed else _UNSIGNED
     text = text.removeprefix("\ufeff").rstrip()
+    if _PLAIN.fullmatch(text):
+        return np.array(text.split("\n"), dtype=np.int64)
     lines = _LINE_END.split(text) if text else []
     for number, line in enumerate(lines, start=1):
         is_integer = pattern.fullmatch(line) is not None

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import zipfile
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -28,7 +30,21 @@ def folder(root: Path, inside: str) -> Path | zipfile.Path:
     -------
     Path or zipfile.Path
     """
-    return root / inside if root.is_dir() else zipfile.Path(root, f"{inside}/" if inside else "")
+    if root.is_dir():
+        return root / inside
+    status = root.stat()
+    archive = _archive(root, status.st_mtime_ns, status.st_size, os.getpid())
+    return zipfile.Path(archive.root, f"{inside}/" if inside else "")
+
+
+@lru_cache(maxsize=4)
+def _archive(root: Path, modified: int, size: int, process: int) -> zipfile.Path:
+    """An archive that is open: finding its thousands of members takes longer than reading one.
+
+    The other arguments tell whether it has been replaced; and a process that was forked must not share the position in
+    the file with its parent.
+    """
+    return zipfile.Path(root)
 
 
 def find(root: Path | None, contains_data: Callable[[Path | zipfile.Path], bool], layout: str) -> tuple[Path, str]:

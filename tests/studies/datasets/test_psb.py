@@ -53,6 +53,17 @@ def test_a_digest_is_the_hash_of_the_file(psb_root):
         assert model.digest() == hashlib.sha256(file.read_bytes()).hexdigest()
 
 
+def test_an_archive_that_has_been_replaced_is_read_again(small, tmp_path):
+    archive = as_zip(small, tmp_path / "small.zip")
+    assert PSB(archive, models=[2]).models()[0].load().vertices[1].tolist() == [1, 0, 0]
+    file = small / "MeshsegBenchmark-1.0" / "data" / "off" / "2.off"
+    file.write_text(file.read_text().replace("1 0 0", "5 0 0"))
+    archive.unlink()
+    (model,) = PSB(as_zip(small, archive), models=[2]).models()
+    assert model.load().vertices[1].tolist() == [5, 0, 0]
+    assert model.digest() == hashlib.sha256(file.read_bytes()).hexdigest()
+
+
 def test_human_segmentations_label_every_face(psb_zip):
     for model in PSB(psb_zip, models=[3, 25, 104, 390]).models():
         people = model.human_segmentations()
