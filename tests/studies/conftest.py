@@ -1,15 +1,23 @@
 """Compose the shipped configurations as the command line does, and run what they plan."""
 
+import contextlib
+import functools
+import gc
+import hashlib
 import io
 import multiprocessing
 import os
+import pickle
+import shutil
 import subprocess
 import sys
-from tempfile import TemporaryFile
+from pathlib import Path
+from tempfile import TemporaryDirectory, TemporaryFile
 
 import pandas as pd
 import pytest
-from hydra import compose, initialize_config_module
+from hydra import initialize_config_module
+from hydra._internal.hydra import Hydra
 from rich.console import Console
 
 from perturb import perturbation
@@ -17,9 +25,38 @@ from studies.columns import dtypes
 from studies.execution import Serial, run_trials
 from studies.execution.study import run_study
 from studies.experiments.experiment import row_columns
+from studies.figures import drawing
+from studies.figures.charts import Chart
 from studies.planning.configuration import configure
 from studies.run import main
+from studies.storage import atomic_write
+from tests.helpers.composing import composition
 from tests.helpers.meshes import bundled
+
+
+@pytest.fixture(scope="session", autouse=True)
+def draw_charts_once(tmp_path_factory):
+    """A chart that a test has drawn is copied where the same chart is drawn again: most tests show the same numbers."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "charts"
+    draw, save = drawing.draw, drawing.save
+
+    def copy_or_save(figure, path, content=None):
+        if not isinstance(figure, Chart):
+            save(figure, path, content)
+            return
+        drawn = folder / f"{hashlib.sha256(pickle.dumps(figure)).hexdigest()}.png"
+        if not drawn.with_suffix(".pdf").exists():
+            folder.mkdir(exist_ok=True)
+            save(draw(figure), drawn)
+        for suffix in (".png", ".pdf"):
+            with atomic_write(path.with_suffix(suffix)) as part:
+                shutil.copyfile(drawn.with_suffix(suffix), part)
+
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(drawing, "draw", lambda chart: chart)
+        monkeypatch.setattr(drawing, "save", copy_or_save)
+        yield
 
 
 @pytest.fixture
@@ -28,20 +65,20 @@ def composed():
 
     def compose_with(*overrides):
         with initialize_config_module("conf", version_base="1.3"):
-            return compose("config", list(overrides))
+            return composition(overrides)
 
     return compose_with
+
+
+def configured_with(*overrides):
+    with initialize_config_module("conf", version_base="1.3"):
+        return configure(composition(overrides), overrides)
 
 
 @pytest.fixture
 def configured():
     """A function: overrides -> the Study."""
-
-    def configure_with(*overrides):
-        with initialize_config_module("conf", version_base="1.3"):
-            return configure(compose("config", list(overrides)), overrides)
-
-    return configure_with
+    return configured_with
 
 
 @pytest.fixture
@@ -57,10 +94,16 @@ STUDY = (
 )  # fmt: skip
 
 
+@functools.cache
+def ant():
+    """The ant as an OFF file."""
+    return bundled("ant").export(file_type="off")
+
+
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     """The current folder, empty but for the ant."""
-    bundled("ant").export(tmp_path / "ant.off")
+    (tmp_path / "ant.off").write_text(ant())
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -96,12 +139,25 @@ def study(here, configured):
 fork = multiprocessing.get_context("fork")  # for processes of their own that have imported everything
 
 
+@functools.cache
+def import_everything():
+    """Run a study, so that processes that are forked from this one have imported and compiled what studies need."""
+    with TemporaryDirectory() as folder, contextlib.redirect_stdout(None):
+        (Path(folder) / "ant.off").write_text(ant())
+        words = (*STUDY, "engine=serial", f"dataset.glob={folder}/ant.off", f"results_dir={folder}", "repeats=1")
+        run_study(configured_with(*words), Console(quiet=True))
+
+
 def typed(folder, *words):
     """What ``python -m studies.run`` gives in a folder, with engine=serial if none is named: CompletedProcess."""
     if not any(word.startswith("engine") for word in words):
         words = (*words, "engine=serial")
 
+    import_everything()
+
     def command(said, complained):
+        gc.freeze()  # what this process has imported is not looked through again
+        Hydra.get_mode = lambda *_, **__: None  # it composes everything to read hydra.mode, which nobody types here
         os.chdir(folder)
         os.environ["COLUMNS"] = "80"
         sys.argv, sys.stdout, sys.stderr = ["studies.run", *words], said, complained

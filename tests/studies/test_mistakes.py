@@ -6,6 +6,7 @@ from hydra.errors import HydraException
 
 from studies.planning.command_line import check_groups, flags_last, quote_argument
 from studies.planning.configuration import configure
+from tests.helpers.composing import composition
 from tests.studies.conftest import typed
 
 FILES = ("dataset=files", "dataset.glob=ant.off", "engine=serial", "dry_run=true")
@@ -124,15 +125,15 @@ ACCEPTED = {
 @pytest.fixture
 def mistake():
     """A function: words -> what is wrong with a command, found as the command finds it; None if nothing is."""
-    with initialize_config_module("conf", version_base="1.3"):  # once: it reads the configuration's files
+    with initialize_config_module("conf", version_base="1.3"):
         yield mistake_in
 
 
-def mistake_in(words):
+def mistake_in(words, compose=composition):
     options = [quote_argument(word) for word in words]
     try:
         check_groups(options)
-        configure(compose("config", options), options).plan()
+        configure(compose(options), options).plan()
     except (ValueError, OSError, HydraException) as error:
         return str(error)
     return None
