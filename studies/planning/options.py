@@ -75,7 +75,7 @@ def check_groups_of_options(cfg: DictConfig, overrides: Sequence[str]) -> None:
     StudyError
         If there is one.
     """
-    for override in _parsed(tuple(overrides)):
+    for override in map(_parsed, overrides):
         group, _, option = override.key_or_group.partition(".")
         known = OPTIONS_OF_GROUP.get(group)
         if known and option and option.partition(".")[0] not in known:
@@ -86,7 +86,7 @@ def check_groups_of_options(cfg: DictConfig, overrides: Sequence[str]) -> None:
 def replaced_by_levels(cfg: DictConfig, overrides: Sequence[str]) -> list[str]:
     """A line for each typed option of a perturbation that has no effect, since the levels of the study replace it."""
     lines = []
-    for override in _parsed(tuple(overrides)):
+    for override in map(_parsed, overrides):
         before, _, field = override.key_or_group.rpartition(".")
         if before == "perturbation" or (before.startswith("parts.") and before.endswith(".perturbation")):
             swept = OmegaConf.select(cfg, f"{before.removesuffix('perturbation')}swept") or cfg.get("swept")
@@ -95,10 +95,10 @@ def replaced_by_levels(cfg: DictConfig, overrides: Sequence[str]) -> list[str]:
     return lines
 
 
-@functools.lru_cache(maxsize=1)
-def _parsed(overrides: tuple[str, ...]) -> list[Override]:
-    """What was typed, parsed once for all that ask for it."""
-    return OverridesParser.create().parse_overrides(list(overrides))
+@functools.lru_cache(maxsize=256)
+def _parsed(override: str) -> Override:
+    """An option as it was typed, parsed once for all checks and for all studies of a sweep."""
+    return OverridesParser.create().parse_override(override)
 
 
 def _suggestion(option: str, cfg: DictConfig) -> str:
@@ -109,7 +109,7 @@ def _suggestion(option: str, cfg: DictConfig) -> str:
 
 def _given(cfg: DictConfig, overrides: Sequence[str], others: set[str]) -> list[str]:
     """Options for the experiment: those of the command line, and those that only a file of the study has."""
-    typed = [override.key_or_group for override in _parsed(tuple(overrides))]
+    typed = [override.key_or_group for override in map(_parsed, overrides)]
     in_files = [str(key) for key in cfg if key not in FOR_EXPERIMENT]
     return [option for option in dict.fromkeys([*typed, *in_files]) if option.partition(".")[0] not in others]
 

@@ -11,6 +11,7 @@ from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig
 
 _compose_groups = functools.cache(lambda *words: compose("config", list(words)))
+_parsed = functools.cache(lambda word: OverridesParser.create().parse_overrides([word])[0])
 
 
 def composition(words: list[str]) -> DictConfig:
@@ -19,8 +20,8 @@ def composition(words: list[str]) -> DictConfig:
     Hydra reads the files that the choices of groups name, which takes most of the time, and then sets the other options
     in what it has read. The first is done once for all configurations with the same choices, the second by Hydra too.
     """
-    overrides = OverridesParser.create().parse_overrides(list(words))
-    if any(override.is_sweep_override() for override in overrides):
+    overrides = list(map(_parsed, words))
+    if any(override.is_sweep_override() or override.is_hydra_override() for override in overrides):
         return compose("config", list(words))
     is_choice = list(map(_is_choice, overrides))
     choices = [word for word, chooses in zip(words, is_choice, strict=True) if chooses]

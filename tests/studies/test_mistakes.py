@@ -129,11 +129,11 @@ def mistake():
         yield mistake_in
 
 
-def mistake_in(words, compose=composition):
+def mistake_in(words):
     options = [quote_argument(word) for word in words]
     try:
         check_groups(options)
-        configure(compose(options), options).plan()
+        configure(composition(options), options).plan()
     except (ValueError, OSError, HydraException) as error:
         return str(error)
     return None
@@ -146,6 +146,31 @@ def test_a_value_of_the_wrong_kind_is_refused_and_one_of_the_right_kind_is_not(h
     accepted = {value for value in ALL if mistake([*words, f"{option}={value}"]) is None}
     assert accepted == ACCEPTED[words][option]
     assert [path.name for path in here.iterdir()] == ["ant.off"]
+
+
+def result_of(function, *arguments):
+    """What a function returns or raises."""
+    try:
+        return function(*arguments)
+    except (HydraException, ValueError) as error:
+        return type(error), str(error)
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        "repeats=7", "levels=[1,2]", "levels=[[5]]", "gallery=null", "gallery={models: 2}", "title='a: {b}'",
+        "segmenter.time=soon", "perturbation._target_=x", "trial={timeout: 5}", "dataset={glob: a}",
+        "dataset=psb", "dataset=5", "segmenter=external", "engine=none", "engine@trial=local", "perturbation=shot_noise",
+        "+segmenter.new=1", "+levels=[3]", "++segmenter.time=2", "++new.option={a: 1}", "+dataset=psb",
+        "~title", "~gallery.models", "~gallery.models=4", "~no_such_option", "~segmenter", "no_such_option=1",
+        "levels=[1", "repeats=1,2", "levels=range(1,5)", "results_dir=${title}", "hydra.job.name=x",
+    ],
+)  # fmt: skip
+def test_what_the_tests_compose_is_what_hydra_composes(here, word):
+    with initialize_config_module("conf", version_base="1.3"):
+        words = ["+study=holes", "repeats=2", word, *FILES]
+        assert result_of(composition, words) == result_of(compose, "config", words)
 
 
 @pytest.mark.parametrize(
