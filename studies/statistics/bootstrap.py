@@ -20,7 +20,13 @@ NO_INTERVAL = (math.nan, math.nan)
 
 def model_mean(rows: pd.DataFrame, column: str) -> float:
     """Mean over models of the mean over repeats, so that a model with failures weighs as much as the others."""
-    return float(rows.groupby("model")[column].mean().astype(float).mean())
+    return model_means(rows, [column])[column]
+
+
+def model_means(rows: pd.DataFrame, columns: Sequence[str]) -> dict[str, float]:
+    """As `model_mean`, of several columns at once, which is quicker."""
+    of_models = rows.groupby("model")[list(columns)].mean()
+    return {name: float(of_models[name].astype(float).mean()) for name in columns}
 
 
 def interval_of_mean(rows: pd.DataFrame, column: str) -> tuple[float, float]:

@@ -274,7 +274,8 @@ def test_flags_keep_their_values():
 
 
 def test_a_sweep_over_many_levels_has_a_folder_with_a_short_name(here):
-    many = [f"[{','.join(f'{i}.{j:02}' for j in range(1, 90))}]" for i in (1, 2)]
+    many = [f"[{','.join(f'{i}.{j:02}0000000001' for j in range(1, 31))}]" for i in (1, 2)]
+    assert all(len(levels) > 445 for levels in many)
     words = ("-m", "+study=scaling", f"levels={','.join(many)}", "repeats=1", "gallery.models=0", *FILES[:3])
     done = typed(here, *words, "segmenter=custom", "segmenter._target_=tests.helpers.segmenting.halves")
     assert done.returncode == 0, done.stderr
