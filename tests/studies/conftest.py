@@ -1,6 +1,5 @@
 """Compose the shipped configurations as the command line does, and run what they plan."""
 
-import contextlib
 import functools
 import gc
 import hashlib
@@ -8,11 +7,11 @@ import io
 import multiprocessing
 import os
 import pickle
+import runpy
 import shutil
 import subprocess
 import sys
-from pathlib import Path
-from tempfile import TemporaryDirectory, TemporaryFile
+from tempfile import TemporaryFile
 
 import pandas as pd
 import pytest
@@ -31,6 +30,7 @@ from studies.planning.configuration import configure
 from studies.run import main
 from studies.storage import atomic_write
 from tests.helpers.composing import composition
+from tests.helpers.interpreter import import_all
 from tests.helpers.meshes import bundled
 
 
@@ -139,13 +139,7 @@ def study(here, configured):
 fork = multiprocessing.get_context("fork")  # for processes of their own that have imported everything
 
 
-@functools.cache
-def import_everything():
-    """Run a study, so that processes that are forked from this one have imported and compiled what studies need."""
-    with TemporaryDirectory() as folder, contextlib.redirect_stdout(None):
-        (Path(folder) / "ant.off").write_text(ant())
-        words = (*STUDY, "engine=serial", f"dataset.glob={folder}/ant.off", f"results_dir={folder}", "repeats=1")
-        run_study(configured_with(*words), Console(quiet=True))
+import_everything = functools.cache(import_all)  # once, for all processes that are forked from this one
 
 
 def typed(folder, *words):
@@ -153,18 +147,36 @@ def typed(folder, *words):
     if not any(word.startswith("engine") for word in words):
         words = (*words, "engine=serial")
 
-    import_everything()
-
-    def command(said, complained):
-        gc.freeze()  # what this process has imported is not looked through again
+    def command():
         Hydra.get_mode = lambda *_, **__: None  # it composes everything to read hydra.mode, which nobody types here
-        os.chdir(folder)
-        os.environ["COLUMNS"] = "80"
-        sys.argv, sys.stdout, sys.stderr = ["studies.run", *words], said, complained
         main()
 
+    return in_fork(folder, command, "studies.run", *words)
+
+
+def typed_command(folder, module, *words):
+    """What ``python -m MODULE`` gives in a folder: CompletedProcess."""
+
+    def command():
+        sys.modules.pop(module, None)  # it runs as __main__
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+
+    return in_fork(folder, command, module, *words)
+
+
+def in_fork(folder, command, *words):
+    """What a function prints in a process that is forked from this one, and its exit code: CompletedProcess."""
+    import_everything()
+
+    def run(said, complained):
+        gc.freeze()  # what this process has imported is not looked through again
+        os.chdir(folder)
+        os.environ["COLUMNS"] = "80"
+        sys.argv, sys.stdout, sys.stderr = list(words), said, complained
+        command()
+
     with TemporaryFile("w+") as said, TemporaryFile("w+") as complained:
-        process = fork.Process(target=command, args=(said, complained))
+        process = fork.Process(target=run, args=(said, complained))
         process.start()
         process.join()
         said.seek(0)

@@ -161,7 +161,7 @@ def result_of(function, *arguments):
     [
         "repeats=7", "levels=[1,2]", "levels=[[5]]", "gallery=null", "gallery={models: 2}", "title='a: {b}'",
         "segmenter.time=soon", "perturbation._target_=x", "trial={timeout: 5}", "dataset={glob: a}",
-        "dataset=psb", "dataset=5", "segmenter=external", "engine=none", "engine@trial=local", "perturbation=shot_noise",
+        "dataset=psb", "dataset=5", "segmenter=external", "engine=none", "engine@trial=local", "perturbation=holes",
         "+segmenter.new=1", "+levels=[3]", "++segmenter.time=2", "++new.option={a: 1}", "+dataset=psb",
         "~title", "~gallery.models", "~gallery.models=4", "~no_such_option", "~segmenter", "no_such_option=1",
         "levels=[1", "repeats=1,2", "levels=range(1,5)", "results_dir=${title}", "hydra.job.name=x",
