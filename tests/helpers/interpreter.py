@@ -46,16 +46,18 @@ class Interpreter:
         self.process.wait()
         self.process.stdout.close()
 
-    def run(self, folder, words, unread=()):
+    def run(self, folder, words, unread=(), **environment):
         """What ``python -m WORDS`` gives in a folder: CompletedProcess of bytes.
 
-        What is written to the streams whose numbers are in ``unread`` goes to a pipe that nobody reads any more.
+        What is written to the streams whose numbers are in ``unread`` goes to a pipe that nobody reads any more. The
+        variables of the environment are for what reads them later than the start of the interpreter.
         """
-        with TemporaryDirectory() as streams:
-            paths = {number: os.path.join(streams, str(number)) for number in (1, 2)}
+        with TemporaryDirectory() as files:
+            paths = {number: os.path.join(files, str(number)) for number in (1, 2)}
             for path in paths.values():
                 Path(path).touch()
-            order = [str(folder), list(words), [None if number in unread else paths[number] for number in (1, 2)]]
+            streams = [None if number in unread else path for number, path in paths.items()]
+            order = [str(folder), list(words), environment, streams]
             print(json.dumps(order), file=self.process.stdin, flush=True)
             code = int(self.process.stdout.readline())
             output, errors = (Path(path).read_bytes() for path in paths.values())
@@ -78,16 +80,20 @@ def import_all(*, of_charts=True):
         if of_charts:
             assert run_study(study, Console(quiet=True)).complete
         else:
+            import fontTools.subset  # noqa: F401
+            import pyvista  # noqa: F401
+
             assert [row["status"] for row in run_trials(Serial(), study.plan())] == ["ok"]
 
 
 def _serve():
-    """Fork a process for each line of standard input: there, return the module to run; here, wait until it has ended."""
+    """Fork a process per line of standard input; there, return the module to run, and here, wait until it has ended."""
     while line := sys.stdin.readline():
-        folder, (module, *words), streams = json.loads(line)
+        folder, (module, *words), environment, streams = json.loads(line)
         child = os.fork()
         if not child:
             _redirect(streams)
+            os.environ.update(environment)
             os.chdir(folder)
             sys.path[0] = folder  # as of every interpreter that is started there with -m
             sys.argv = [module, *words]
