@@ -154,24 +154,25 @@ def typed(folder, *words):
     return in_fork(folder, command, "studies.run", *words)
 
 
-def typed_command(folder, module, *words):
-    """What ``python -m MODULE`` gives in a folder: CompletedProcess."""
+def typed_command(folder, module, *words, columns="80"):
+    """What ``python -m MODULE`` gives in a folder, on a terminal of so many columns: CompletedProcess."""
 
     def command():
         sys.modules.pop(module, None)  # it runs as __main__
         runpy.run_module(module, run_name="__main__", alter_sys=True)
 
-    return in_fork(folder, command, module, *words)
+    return in_fork(folder, command, module, *words, columns=columns)
 
 
-def in_fork(folder, command, *words):
+def in_fork(folder, command, *words, columns="80"):
     """What a function prints in a process that is forked from this one, and its exit code: CompletedProcess."""
     import_everything()
 
     def run(said, complained):
         gc.freeze()  # what this process has imported is not looked through again
         os.chdir(folder)
-        os.environ["COLUMNS"] = "80"
+        sys.path.insert(0, str(folder))  # as of an interpreter that is started there
+        os.environ["COLUMNS"] = columns
         sys.argv, sys.stdout, sys.stderr = list(words), said, complained
         command()
 
