@@ -33,7 +33,7 @@ from studies.planning.targets import construct, locate
 from studies.planning.trial import COLUMNS, Trial
 from studies.planning.types import expectation, has_type, wrong_types
 from studies.segmenters import Segmenter
-from studies.statistics.bootstrap import interval_of_mean, model_mean
+from studies.statistics.bootstrap import interval_of_mean, model_mean, model_means
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -466,7 +466,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
             {
                 **dict(zip(keys, key, strict=True)),
                 **_mean_and_interval(good),
-                **{name: model_mean(good, name) for name in means},
+                **model_means(good, means),
                 "n": len(good),
                 "failures": len(group) - len(good),
             }

@@ -208,8 +208,9 @@ def _check_general_options(cfg: DictConfig) -> None:
     """Check the options that belong to no class."""
     if "study" not in cfg:
         raise StudyError(f"no study is given; type +study=NAME, NAME one of {', '.join(study_names())}")
+    options: dict[str, Any] = OmegaConf.to_container(cfg, resolve=False)  # type: ignore[assignment]
     for group in GROUPS:
-        if not isinstance(OmegaConf.to_container(cfg, resolve=False).get(group), dict):  # type: ignore[union-attr]
+        if not isinstance(options.get(group), dict):
             raise StudyError(f"{group} is {cfg.get(group)!r}: it must be a mapping of options; see --help")
     if "name" not in cfg.study or OmegaConf.is_missing(cfg.study, "name"):
         raise StudyError("study.name is required: study.name=NAME, under which the results are filed")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import inspect
 import json
 import re
@@ -10,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, OmegaConf
 
 from studies.planning.command_line import hint_for
@@ -73,7 +75,7 @@ def check_groups_of_options(cfg: DictConfig, overrides: Sequence[str]) -> None:
     StudyError
         If there is one.
     """
-    for override in OverridesParser.create().parse_overrides(list(overrides)):
+    for override in map(_parsed, overrides):
         group, _, option = override.key_or_group.partition(".")
         known = OPTIONS_OF_GROUP.get(group)
         if known and option and option.partition(".")[0] not in known:
@@ -84,13 +86,19 @@ def check_groups_of_options(cfg: DictConfig, overrides: Sequence[str]) -> None:
 def replaced_by_levels(cfg: DictConfig, overrides: Sequence[str]) -> list[str]:
     """A line for each typed option of a perturbation that has no effect, since the levels of the study replace it."""
     lines = []
-    for override in OverridesParser.create().parse_overrides(list(overrides)):
+    for override in map(_parsed, overrides):
         before, _, field = override.key_or_group.rpartition(".")
         if before == "perturbation" or (before.startswith("parts.") and before.endswith(".perturbation")):
             swept = OmegaConf.select(cfg, f"{before.removesuffix('perturbation')}swept") or cfg.get("swept")
             if field == swept:
                 lines.append(f"  {override.key_or_group} has no effect: the levels of the study replace it")
     return lines
+
+
+@functools.lru_cache(maxsize=256)
+def _parsed(override: str) -> Override:
+    """An option as it was typed, parsed once for all checks and for all studies of a sweep."""
+    return OverridesParser.create().parse_override(override)
 
 
 def _suggestion(option: str, cfg: DictConfig) -> str:
@@ -101,7 +109,7 @@ def _suggestion(option: str, cfg: DictConfig) -> str:
 
 def _given(cfg: DictConfig, overrides: Sequence[str], others: set[str]) -> list[str]:
     """Options for the experiment: those of the command line, and those that only a file of the study has."""
-    typed = [override.key_or_group for override in OverridesParser.create().parse_overrides(list(overrides))]
+    typed = [override.key_or_group for override in map(_parsed, overrides)]
     in_files = [str(key) for key in cfg if key not in FOR_EXPERIMENT]
     return [option for option in dict.fromkeys([*typed, *in_files]) if option.partition(".")[0] not in others]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -18,6 +19,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERCENT = " %"
+
+
+@functools.cache
+def _read(name: str) -> Mapping[str, Any]:
+    """What conf/paper/NAME.yaml contains, read once: a report needs it for each of its studies."""
+    import yaml
+
+    return yaml.safe_load(CONF.joinpath("paper", f"{name}.yaml").read_text("utf-8"))
 
 
 class Publication:
@@ -44,13 +53,11 @@ class Publication:
         StudyError
             if there is no such file
         """
-        import yaml
-
         folder = CONF / "paper"
         known = sorted(file.name.removesuffix(".yaml") for file in folder.iterdir() if file.name.endswith(".yaml"))
         if name not in known:
             raise StudyError(f"publication is {name!r}: it must be null or one of {', '.join(known)}")
-        return cls(yaml.safe_load(folder.joinpath(f"{name}.yaml").read_text("utf-8")))
+        return cls(_read(name))
 
     def for_segmenters(self, options: Iterable[Mapping[str, Any]]) -> Publication:
         """The publication for a study of segmenters with these options.

@@ -23,6 +23,12 @@ def model_mean(rows: pd.DataFrame, column: str) -> float:
     return float(rows.groupby("model")[column].mean().astype(float).mean())
 
 
+def model_means(rows: pd.DataFrame, columns: Sequence[str]) -> dict[str, float]:
+    """As `model_mean`, of several columns at once, which is quicker."""
+    of_models = rows.groupby("model")[list(columns)].mean()
+    return {name: float(of_models[name].astype(float).mean()) for name in columns}
+
+
 def interval_of_mean(rows: pd.DataFrame, column: str) -> tuple[float, float]:
     """95 % percentile-bootstrap interval of `model_mean`.
 

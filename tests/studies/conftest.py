@@ -1,15 +1,22 @@
 """Compose the shipped configurations as the command line does, and run what they plan."""
 
+import functools
+import gc
+import hashlib
 import io
 import multiprocessing
 import os
+import pickle
+import runpy
+import shutil
 import subprocess
 import sys
 from tempfile import TemporaryFile
 
 import pandas as pd
 import pytest
-from hydra import compose, initialize_config_module
+from hydra import initialize_config_module
+from hydra._internal.hydra import Hydra
 from rich.console import Console
 
 from perturb import perturbation
@@ -17,9 +24,39 @@ from studies.columns import dtypes
 from studies.execution import Serial, run_trials
 from studies.execution.study import run_study
 from studies.experiments.experiment import row_columns
+from studies.figures import drawing
+from studies.figures.charts import Chart
 from studies.planning.configuration import configure
 from studies.run import main
+from studies.storage import atomic_write
+from tests.helpers.composing import composition
+from tests.helpers.terminal import import_all
 from tests.helpers.meshes import bundled
+
+
+@pytest.fixture(scope="session", autouse=True)
+def draw_charts_once(tmp_path_factory):
+    """A chart that a test has drawn is copied where the same chart is drawn again: most tests show the same numbers."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "charts"
+    draw, save = drawing.draw, drawing.save
+
+    def copy_or_save(figure, path, content=None):
+        if not isinstance(figure, Chart):
+            save(figure, path, content)
+            return
+        drawn = folder / f"{hashlib.sha256(pickle.dumps(figure)).hexdigest()}.png"
+        if not drawn.with_suffix(".pdf").exists():
+            folder.mkdir(exist_ok=True)
+            save(draw(figure), drawn)
+        for suffix in (".png", ".pdf"):
+            with atomic_write(path.with_suffix(suffix)) as part:
+                shutil.copyfile(drawn.with_suffix(suffix), part)
+
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(drawing, "draw", lambda chart: chart)
+        monkeypatch.setattr(drawing, "save", copy_or_save)
+        yield
 
 
 @pytest.fixture
@@ -28,20 +65,20 @@ def composed():
 
     def compose_with(*overrides):
         with initialize_config_module("conf", version_base="1.3"):
-            return compose("config", list(overrides))
+            return composition(overrides)
 
     return compose_with
+
+
+def configured_with(*overrides):
+    with initialize_config_module("conf", version_base="1.3"):
+        return configure(composition(overrides), overrides)
 
 
 @pytest.fixture
 def configured():
     """A function: overrides -> the Study."""
-
-    def configure_with(*overrides):
-        with initialize_config_module("conf", version_base="1.3"):
-            return configure(compose("config", list(overrides)), overrides)
-
-    return configure_with
+    return configured_with
 
 
 @pytest.fixture
@@ -57,10 +94,16 @@ STUDY = (
 )  # fmt: skip
 
 
+@functools.cache
+def ant():
+    """The ant as an OFF file."""
+    return bundled("ant").export(file_type="off")
+
+
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     """The current folder, empty but for the ant."""
-    bundled("ant").export(tmp_path / "ant.off")
+    (tmp_path / "ant.off").write_text(ant())
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -96,19 +139,45 @@ def study(here, configured):
 fork = multiprocessing.get_context("fork")  # for processes of their own that have imported everything
 
 
+import_everything = functools.cache(import_all)  # once, for all processes that are forked from this one
+
+
 def typed(folder, *words):
     """What ``python -m studies.run`` gives in a folder, with engine=serial if none is named: CompletedProcess."""
     if not any(word.startswith("engine") for word in words):
         words = (*words, "engine=serial")
 
-    def command(said, complained):
-        os.chdir(folder)
-        os.environ["COLUMNS"] = "80"
-        sys.argv, sys.stdout, sys.stderr = ["studies.run", *words], said, complained
+    def command():
+        Hydra.get_mode = lambda *_, **__: None  # it composes everything to read hydra.mode, which nobody types here
         main()
 
+    return in_fork(folder, command, "studies.run", *words)
+
+
+def typed_command(folder, module, *words, columns="80"):
+    """What ``python -m MODULE`` gives in a folder, on a terminal of so many columns: CompletedProcess."""
+
+    def command():
+        sys.modules.pop(module, None)  # it runs as __main__
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+
+    return in_fork(folder, command, module, *words, columns=columns)
+
+
+def in_fork(folder, command, *words, columns="80"):
+    """What a function prints in a process that is forked from this one, and its exit code: CompletedProcess."""
+    import_everything()
+
+    def run(said, complained):
+        gc.freeze()  # what this process has imported is not looked through again
+        os.chdir(folder)
+        sys.path.insert(0, str(folder))  # as of an interpreter that is started there
+        os.environ["COLUMNS"] = columns
+        sys.argv, sys.stdout, sys.stderr = list(words), said, complained
+        command()
+
     with TemporaryFile("w+") as said, TemporaryFile("w+") as complained:
-        process = fork.Process(target=command, args=(said, complained))
+        process = fork.Process(target=run, args=(said, complained))
         process.start()
         process.join()
         said.seek(0)

@@ -1,6 +1,7 @@
 """Segmenters, perturbations, metrics and datasets that end the program: each is a failed row, and the others run."""
 
 import contextlib
+import json
 import os
 import signal
 import threading
@@ -54,10 +55,14 @@ def checked(rows, error):
 @pytest.mark.parametrize("engine", [name if name != "dask" else pytest.param(name, marks=pytest.mark.slow)
                                     for name in ENGINES])  # fmt: skip
 def test_whatever_a_segmenter_raises_is_one_failed_row(outcome_of, engine):
+    methods = [f"{{_target_:tests.helpers.hostile.halves,deed:{deed}}}" for deed in DEEDS]
+    words = [word for word in SCALING if not word.startswith("segmenter")]
+    rows, outcome = outcome_of(*words, f"segmenters=[{','.join(methods)}]", *ENGINES[engine])
+    assert not outcome.ended_early
+    of_deed = {deed: rows["segmenter_options"].map(json.loads).map(lambda o, d=deed: o["deed"] == d) for deed in DEEDS}
+    assert sum(map(sum, of_deed.values())) == len(rows)
     for deed, (_, error) in DEEDS.items():
-        rows, outcome = outcome_of(*SCALING, f"+segmenter.deed={deed}", *ENGINES[engine])
-        checked(rows, error)
-        assert not outcome.ended_early
+        checked(rows[of_deed[deed]], error)
 
 
 def test_dask_makes_a_failed_row_of_an_exit_too(outcome_of):

@@ -6,6 +6,7 @@ from hydra.errors import HydraException
 
 from studies.planning.command_line import check_groups, flags_last, quote_argument
 from studies.planning.configuration import configure
+from tests.helpers.composing import composition
 from tests.studies.conftest import typed
 
 FILES = ("dataset=files", "dataset.glob=ant.off", "engine=serial", "dry_run=true")
@@ -124,7 +125,7 @@ ACCEPTED = {
 @pytest.fixture
 def mistake():
     """A function: words -> what is wrong with a command, found as the command finds it; None if nothing is."""
-    with initialize_config_module("conf", version_base="1.3"):  # once: it reads the configuration's files
+    with initialize_config_module("conf", version_base="1.3"):
         yield mistake_in
 
 
@@ -132,7 +133,7 @@ def mistake_in(words):
     options = [quote_argument(word) for word in words]
     try:
         check_groups(options)
-        configure(compose("config", options), options).plan()
+        configure(composition(options), options).plan()
     except (ValueError, OSError, HydraException) as error:
         return str(error)
     return None
@@ -145,6 +146,31 @@ def test_a_value_of_the_wrong_kind_is_refused_and_one_of_the_right_kind_is_not(h
     accepted = {value for value in ALL if mistake([*words, f"{option}={value}"]) is None}
     assert accepted == ACCEPTED[words][option]
     assert [path.name for path in here.iterdir()] == ["ant.off"]
+
+
+def result_of(function, *arguments):
+    """What a function returns or raises."""
+    try:
+        return function(*arguments)
+    except (HydraException, ValueError) as error:
+        return type(error), str(error)
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        "repeats=7", "levels=[1,2]", "levels=[[5]]", "gallery=null", "gallery={models: 2}", "title='a: {b}'",
+        "segmenter.time=soon", "perturbation._target_=x", "trial={timeout: 5}", "dataset={glob: a}",
+        "dataset=psb", "dataset=5", "segmenter=external", "engine=none", "engine@trial=local", "perturbation=holes",
+        "+segmenter.new=1", "+levels=[3]", "++segmenter.time=2", "++new.option={a: 1}", "+dataset=psb",
+        "~title", "~gallery.models", "~gallery.models=4", "~no_such_option", "~segmenter", "no_such_option=1",
+        "levels=[1", "repeats=1,2", "levels=range(1,5)", "results_dir=${title}", "hydra.job.name=x",
+    ],
+)  # fmt: skip
+def test_what_the_tests_compose_is_what_hydra_composes(here, word):
+    with initialize_config_module("conf", version_base="1.3"):
+        words = ["+study=holes", "repeats=2", word, *FILES]
+        assert result_of(composition, words) == result_of(compose, "config", words)
 
 
 @pytest.mark.parametrize(
@@ -248,7 +274,8 @@ def test_flags_keep_their_values():
 
 
 def test_a_sweep_over_many_levels_has_a_folder_with_a_short_name(here):
-    many = [f"[{','.join(f'{i}.{j:02}' for j in range(1, 90))}]" for i in (1, 2)]
+    many = [f"[{','.join(f'{i}.{j:02}0000000001' for j in range(1, 31))}]" for i in (1, 2)]
+    assert all(len(levels) > 445 for levels in many)
     words = ("-m", "+study=scaling", f"levels={','.join(many)}", "repeats=1", "gallery.models=0", *FILES[:3])
     done = typed(here, *words, "segmenter=custom", "segmenter._target_=tests.helpers.segmenting.halves")
     assert done.returncode == 0, done.stderr

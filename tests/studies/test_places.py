@@ -1,5 +1,6 @@
 """Where results go: the same study going on adds to its folder, and nothing else ever writes over it."""
 
+import functools
 import json
 import shutil
 import sys
@@ -17,41 +18,74 @@ from studies.figures import drawing
 from studies.planning.names import MAX_BYTES
 from studies.segmenters.segmenter import _method
 from tests.helpers.meshes import bundled
-from tests.studies.conftest import STUDY
+from tests.studies.conftest import STUDY, configured_with
 from tests.studies.test_survival import FOLDER
 
 
-@pytest.fixture(autouse=True)
-def quick_charts(monkeypatch):
+@pytest.fixture(scope="module", autouse=True)
+def quick_charts():
     """Charts are written as text: these tests are about which of them are written, and where."""
-    monkeypatch.setattr(drawing, "draw", lambda chart: chart)
-    monkeypatch.setattr(drawing, "save", lambda chart, path, *content: path.write_text(f"{chart} {content}"))
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(drawing, "draw", lambda chart: chart)
+        monkeypatch.setattr(drawing, "save", lambda chart, path, *content: path.write_text(f"{chart} {content}"))
+        yield
+
+
+@functools.cache
+def animals():
+    """Three meshes, and others of the same names in a folder of their own: file -> content."""
+    found = {}
+    for i, name in enumerate(("ant", "bee", "fly")):
+        mesh = bundled("ant")
+        mesh.vertices *= [1, 1, 1 + i]
+        found[f"{name}.off"] = mesh.export(file_type="off")
+        mesh.vertices *= [1, 2, 1]
+        found[f"others/{name}.off"] = mesh.export(file_type="off")
+    return found
+
+
+def write_animals(folder):
+    (folder / "others").mkdir()
+    for name, content in animals().items():
+        (folder / name).write_text(content)
 
 
 @pytest.fixture
 def herd(here):
     """Three files in the current folder, next to a folder with others of the same names."""
-    ant = bundled("ant")
-    (here / "others").mkdir()
-    for i, name in enumerate(("ant", "bee", "fly")):
-        mesh = ant.copy()
-        mesh.vertices *= [1, 1, 1 + i]
-        mesh.export(here / f"{name}.off")
-        mesh.vertices *= [1, 2, 1]
-        mesh.export(here / "others" / f"{name}.off")
+    write_animals(here)
     return here
 
 
+def run_in_current_folder(*words, results="results"):
+    """The results of a small study of the three files."""
+    where = () if results is None else (f"results_dir={results}",)
+    chosen = configured_with(*STUDY, "engine=serial", "dataset.glob=*.off", "repeats=2", *where, *words)
+    return run_study(chosen, Console()).results
+
+
 @pytest.fixture
-def ran(herd, configured, console):
+def ran(herd):
     """A function: options -> the results of a small study of the three files."""
+    return run_in_current_folder
 
-    def run(*words, results="results"):
-        where = () if results is None else (f"results_dir={results}",)
-        chosen = configured(*STUDY, "engine=serial", "dataset.glob=*.off", "repeats=2", *where, *words)
-        return run_study(chosen, console).results
 
-    return run
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory):
+    """The results of the small study without options, run once."""
+    folder = tmp_path_factory.mktemp("usual")
+    write_animals(folder)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.chdir(folder)
+        run_in_current_folder()
+    return folder / "results"
+
+
+@pytest.fixture
+def whole(herd, usual):
+    """The three files, and the results of the small study without options."""
+    shutil.copytree(usual, herd / "results")
+    return herd
 
 
 def files(folder, *, below=False):
@@ -77,18 +111,17 @@ def stored(folder):
         (["dataset.glob=others/ant.off"], "dataset.glob=others_ant.off"),
     ],
 )  # fmt: skip
-def test_another_method_perturbation_or_dataset_has_a_folder_of_its_own(ran, herd, words, name):
-    ran()
-    folder = herd / "results" / FOLDER
+def test_another_method_perturbation_or_dataset_has_a_folder_of_its_own(ran, whole, words, name):
+    folder = whole / "results" / FOLDER
     before = files(folder)
     other = ran(*words)
-    assert other.folder.parent == folder.relative_to(herd)
+    assert other.folder.parent == folder.relative_to(whole)
     assert other.folder.name.startswith(name)
     assert before == files(folder)
     assert len(stored(other.folder)) == len(other.rows)
     again = ran(*words)
     assert again.folder == other.folder
-    assert ran().folder == folder.relative_to(herd)
+    assert ran().folder == folder.relative_to(whole)
     assert before == files(folder)
 
 
@@ -106,9 +139,8 @@ def test_the_first_study_of_an_empty_folder_has_the_usual_place_whatever_its_opt
         (["dataset.glob=fly.off", "levels=[0.1]", "repeats=1"], "dataset.glob=fly.off,levels=[0.1],repeats=1", 1),
     ],
 )
-def test_a_part_is_shown_on_its_own_and_the_whole_stays(ran, herd, capsys, words, name, n):
-    ran()
-    folder = herd / "results" / FOLDER
+def test_a_part_is_shown_on_its_own_and_the_whole_stays(ran, whole, capsys, words, name, n):
+    folder = whole / "results" / FOLDER
     before = files(folder)
     capsys.readouterr()
     part = ran(*words)
@@ -123,8 +155,7 @@ def test_a_part_is_shown_on_its_own_and_the_whole_stays(ran, herd, capsys, words
     assert before == files(folder)
 
 
-def test_a_part_says_of_how_many(ran, capsys):
-    ran()
+def test_a_part_says_of_how_many(ran, whole, capsys):
     capsys.readouterr()
     part = ran("dataset.glob='[ab]*.off'", "levels=[0.2]")
     assert "(2 of 3 models, 1 of 2 levels)" in " ".join(capsys.readouterr().out.split())
@@ -172,9 +203,8 @@ def test_all_commands_that_made_the_rows_are_kept(ran, herd):
     assert studies.load(herd / "results" / FOLDER).earlier_commands == ()
 
 
-def test_in_a_fresh_clone_a_part_keeps_the_rows_of_the_whole(ran, herd):
-    ran()
-    folder = herd / "results" / FOLDER
+def test_in_a_fresh_clone_a_part_keeps_the_rows_of_the_whole(ran, whole):
+    folder = whole / "results" / FOLDER
     for name in ("trials.jsonl", "planned.txt"):
         (folder / name).unlink()
     shutil.rmtree(folder / "labels", ignore_errors=True)
@@ -185,9 +215,8 @@ def test_in_a_fresh_clone_a_part_keeps_the_rows_of_the_whole(ran, herd):
     assert len(stored(folder)) == 15
 
 
-def test_a_study_that_was_killed_is_no_smaller_for_a_part(ran, herd):
-    ran()
-    folder = herd / "results" / FOLDER
+def test_a_study_that_was_killed_is_no_smaller_for_a_part(ran, whole):
+    folder = whole / "results" / FOLDER
     lines = (folder / "trials.jsonl").read_text().splitlines(keepends=True)
     (folder / "trials.jsonl").write_text("".join(lines[:5]))
     (folder / "trials.parquet").unlink()
@@ -197,19 +226,18 @@ def test_a_study_that_was_killed_is_no_smaller_for_a_part(ran, herd):
     assert len(ran().rows) == 12
 
 
-def test_an_edited_mesh_replaces_its_rows_where_all_run_again_and_a_part_leaves_the_whole(ran, herd, capsys):
-    ran()
-    folder = herd / "results" / FOLDER
+def test_an_edited_mesh_replaces_its_rows_where_all_run_again_and_a_part_leaves_the_whole(ran, whole, capsys):
+    folder = whole / "results" / FOLDER
     mesh = bundled("ant")
     mesh.vertices *= [3, 1, 1]
-    mesh.export(herd / "bee.off")
+    mesh.export(whole / "bee.off")
     before = files(folder)
     part = ran("levels=[0.1]")
-    assert part.folder.parent == folder.relative_to(herd)
+    assert part.folder.parent == folder.relative_to(whole)
     assert "version=" in part.folder.name
     assert before == files(folder)
     capsys.readouterr()
-    assert ran().folder == folder.relative_to(herd)
+    assert ran().folder == folder.relative_to(whole)
     assert "4 stored rows are of other meshes or code" in capsys.readouterr().out
     assert len(stored(folder)) == 12
     assert before != files(folder)
@@ -242,8 +270,7 @@ def test_another_version_of_the_method_never_mixes_with_the_rows_of_the_whole(ra
 
 
 @pytest.mark.parametrize("length", [4, 90])
-def test_the_name_of_a_folder_is_legal_everywhere(ran, length):
-    ran()
+def test_the_name_of_a_folder_is_legal_everywhere(ran, whole, length):
     levels = ",".join(f"{0.1 + i / 1000:.3f}" for i in range(1, length))
     part = ran(f"levels=[{levels}]", "repeats=1", "dataset.glob=a?t.off")
     name = part.folder.name
@@ -252,21 +279,19 @@ def test_the_name_of_a_folder_is_legal_everywhere(ran, length):
     assert len(part.rows) == length - 1
 
 
-def test_a_dry_run_says_where_results_would_go_and_writes_nothing(ran, herd, capsys):
-    ran()
-    before = files(herd, below=True)
+def test_a_dry_run_says_where_results_would_go_and_writes_nothing(ran, whole, capsys):
+    before = files(whole, below=True)
     capsys.readouterr()
     ran("+segmenter.seconds=0.001", "dry_run=true")
     ran("levels=[0.1]", "dry_run=true")
     said = " ".join(capsys.readouterr().out.split())
     assert "has other results, which stay: these go to results/normal_noise/files/segmenter.seconds=0.001" in said
     assert "the other 6 trials stay" in said
-    assert before == files(herd, below=True)
+    assert before == files(whole, below=True)
 
 
-def test_made_and_commit_are_those_of_the_rows(ran, herd):
-    ran()
-    path = herd / "results" / FOLDER / "provenance.json"
+def test_made_and_commit_are_those_of_the_rows(ran, whole):
+    path = whole / "results" / FOLDER / "provenance.json"
     then = json.loads(path.read_text()) | {"made": "2020-01-01T00:00:00+00:00", "commit": "0" * 40}
     path.write_text(json.dumps(then, indent=2) + "\n")
     before = path.read_bytes()
@@ -279,10 +304,9 @@ def test_made_and_commit_are_those_of_the_rows(ran, herd):
     assert now["commit"] != then["commit"]
 
 
-def test_published_results_are_written_to_only_if_they_are_named(ran, herd, capsys):
-    ran()
-    (herd / "results" / "PUBLISHED.md").write_text("These results are published.\n")
-    before = files(herd / "results", below=True)
+def test_published_results_are_written_to_only_if_they_are_named(ran, whole, capsys):
+    (whole / "results" / "PUBLISHED.md").write_text("These results are published.\n")
+    before = files(whole / "results", below=True)
     capsys.readouterr()
     for words, n in ((["levels=[0.1]"], 6), (["+segmenter.seconds=0.001"], 12), ([], 12)):
         results = ran(*words, results=None)
@@ -291,23 +315,22 @@ def test_published_results_are_written_to_only_if_they_are_named(ran, herd, caps
     said = " ".join(capsys.readouterr().out.split())
     assert "results is published and stays as it is: results go to runs" in said
     assert "6 of them reused from results/normal_noise/files/trials.jsonl" in said
-    assert before == files(herd / "results", below=True)
+    assert before == files(whole / "results", below=True)
     assert status.main([]) == 0
     assert "segmenter.seconds=0.001" in capsys.readouterr().out
     shutil.move("runs", "elsewhere")
     assert status.main([]) == 0  # of the published results, as in a fresh clone
     assert "segmenter.seconds" not in capsys.readouterr().out
     assert ran("repeats=3").folder.parts[0] == "results"
-    assert len(stored(herd / "results" / FOLDER)) == 18
+    assert len(stored(whole / "results" / FOLDER)) == 18
 
 
-def test_fresh_starts_over_in_the_folder_of_the_same_study_alone(ran, herd):
-    ran()
-    before = files(herd / "results" / FOLDER)
+def test_fresh_starts_over_in_the_folder_of_the_same_study_alone(ran, whole):
+    before = files(whole / "results" / FOLDER)
     other = ran("+segmenter.seconds=0.001")
     ran("+segmenter.seconds=0.001", "fresh=true", "repeats=1")
     assert len(stored(other.folder)) == 6
-    assert before == files(herd / "results" / FOLDER)
+    assert before == files(whole / "results" / FOLDER)
 
 
 def test_another_archive_of_the_same_name_is_another_dataset(configured, tmp_path, psb_zip):

@@ -1,8 +1,6 @@
 """The page of the paper's claims: every figure on it comes from the stored trials."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +10,7 @@ import pytest
 from studies.experiments import Change
 from studies.reporting.page import page, sorted_by_section, study_folders
 from studies.reporting.results import Results
+from tests.studies.conftest import typed_command
 
 RESULTS = Path(__file__).parents[2] / "results"
 
@@ -58,14 +57,14 @@ def test_tables_and_page_are_built_again_from_the_rows_alone(tmp_path):
     folder.mkdir(parents=True)
     for name in ("trials.parquet", "config.yaml", "provenance.json"):
         (folder / name).write_bytes((source / name).read_bytes())
-    subprocess.run([sys.executable, "-m", "studies.report", str(tmp_path)], check=True, capture_output=True)
+    assert typed_command(tmp_path, "studies.report", str(tmp_path)).returncode == 0
     for name in ("table.csv", "table.md", "shot_noise.pdf"):
         assert (folder / name).read_bytes() == (source / name).read_bytes()
     assert "Shot noise (bundled)" in (tmp_path / "README.md").read_text()
 
 
 def test_no_results_are_an_error_of_one_line(tmp_path):
-    done = subprocess.run([sys.executable, "-m", "studies.report", str(tmp_path)], capture_output=True, text=True)
+    done = typed_command(tmp_path, "studies.report", str(tmp_path))
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "no rows of a study" in done.stderr

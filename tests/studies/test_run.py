@@ -88,9 +88,10 @@ def test_the_table_is_the_mean_of_the_rows_beside_the_papers_figure(small_study)
 @pytest.mark.parametrize("name", ["shot_noise.png", "gallery.png"])
 def test_the_pictures_show_something(small_study, name):
     pixels = np.asarray(Image.open(small_study[1] / name).convert("RGB")).reshape(-1, 3)
-    white = (pixels == 255).all(axis=1).mean()
+    colours = pixels @ np.array([2**16, 2**8, 1])
+    white = (colours == 2**24 - 1).mean()
     assert 0.3 < white < 0.97
-    assert len(np.unique(pixels, axis=0)) > 200
+    assert len(np.unique(colours)) > 200
 
 
 def test_provenance_says_with_what_and_from_what(small_study):
@@ -155,14 +156,14 @@ def test_a_killed_study_goes_on_where_it_was(folder):
 @pytest.mark.parametrize("engine", ["engine.workers=2", "engine=serial"])
 def test_ctrl_c_keeps_what_is_done_and_shows_it(folder, engine):
     process, stored = start_and_wait_for_rows(
-        folder, ("+study=normal_noise", *ANT, "repeats=4000", "levels=[0.1]", engine), 5
+        folder, ("+study=normal_noise", *ANT, "repeats=2000", "levels=[0.1]", engine), 5
     )
     os.killpg(process.pid, signal.SIGINT)
     output, _ = process.communicate(timeout=60)
     assert process.returncode == 130, output
     assert "Traceback" not in output
     assert "continues from there" in output
-    assert 5 <= pd.read_csv(stored.parent / "table.csv")["n"][0] < 4000
+    assert 5 <= pd.read_csv(stored.parent / "table.csv")["n"][0] < 2000
 
 
 def test_a_failed_trial_is_counted_and_said_and_the_exit_code_tells(folder):

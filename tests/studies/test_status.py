@@ -9,6 +9,7 @@ import pytest
 
 from studies import status
 from studies.storage import TABLE_FILE, RowStore, StoredRows, lock_holder, summarize
+from tests.studies.conftest import typed_command
 from tests.studies.storage.example_rows import row
 from tests.studies.test_survival import FOLDER
 
@@ -64,16 +65,20 @@ def test_rows_of_an_earlier_plan_do_not_count(tmp_path):
     assert (summary.n_planned, summary.n_missing) == (3, 1)
 
 
-@pytest.mark.parametrize("columns", ["20", "40", "80", "300"])
-def test_no_number_is_cut_however_narrow_the_terminal_is(tmp_path, columns):
+@pytest.fixture(scope="module")
+def large(tmp_path_factory):
+    """The folder of a study of a million trials, most of which are to come."""
+    folder = tmp_path_factory.mktemp("large")
     ids = [f"{i:x}" for i in range(1_234)]
-    with RowStore(tmp_path / "a study with a long name" / "and a dataset with one") as store:
+    with RowStore(folder / "a study with a long name" / "and a dataset with one") as store:
         store.add_all(row(i, seconds_segment=1_000_000.4, status="ok" if i != "0" else "crashed") for i in ids)
         store.write_plan([*ids, *(f"planned {i}" for i in range(1_000_000))])
-    environment = os.environ | {"COLUMNS": columns, "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(
-        [sys.executable, "-m", "studies.status", str(tmp_path)], env=environment, capture_output=True, text=True
-    )
+    return folder
+
+
+@pytest.mark.parametrize("columns", ["20", "40", "80", "300"])
+def test_no_number_is_cut_however_narrow_the_terminal_is(large, columns):
+    done = typed_command(large, "studies.status", str(large), columns=columns)
     assert done.returncode == 0, done.stderr
     line = lines_of(done.stdout)["a study with a long name/and a dataset with one"]
     assert line[:6] == ["1,001,234", "1,233", "0", "0", "1", "1,234,000,494"]

@@ -8,16 +8,23 @@ import sys
 import pytest
 
 from studies.terminal import _forgiving
-from tests.studies.conftest import STUDY
+from tests.helpers.terminal import Terminal
+from tests.studies.conftest import STUDY, typed_command
 
 STUDY_SERIAL = (*STUDY, "repeats=1", "engine=serial")
 
 
 def command(folder, words, **environment):
-    """A command in a folder of its own, with variables of its own; None removes one."""
+    """A command in a folder of its own, with variables of its own."""
     settings = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "COLUMNS": "80"} | environment
-    settings = {name: value for name, value in settings.items() if value is not None}
     return subprocess.run([sys.executable, "-m", *words], cwd=folder, env=settings, capture_output=True, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def python():
+    """An interpreter that has not imported matplotlib, which reads the environment then."""
+    with Terminal(has_charts=False) as interpreter:
+        yield interpreter
 
 
 TERMINALS = [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
@@ -28,14 +35,15 @@ TERMINALS = [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "
 def test_a_terminal_that_lacks_characters_shows_others(here, terminal):
     (here / "ant.off").rename(here / "Ämter 蟻.off")
     words = [word for word in STUDY_SERIAL if not word.startswith("dataset.glob")]
-    done = command(here, ["studies.run", *words, "dataset.glob=*.off", "title=Größe ±σ 蟻"], **terminal)
-    assert done.returncode == 0, done.stderr
-    assert b"Gr" in done.stdout
-    for words in (["studies.status"], ["studies.report"], ["studies.run", "--help"]):
-        done = command(here, words, **terminal)
+    with Terminal(**terminal) as python:
+        done = python.run(here, ["studies.run", *words, "dataset.glob=*.off", "title=Größe ±σ 蟻"])
         assert done.returncode == 0, done.stderr
-        assert not done.stderr
-    failing = command(here, ["studies.run", *STUDY_SERIAL, "dataset.glob=蟻 ö.off"], **terminal)
+        assert b"Gr" in done.stdout
+        for words in (["studies.status"], ["studies.report"], ["studies.run", "--help"]):
+            done = python.run(here, words)
+            assert done.returncode == 0, done.stderr
+            assert not done.stderr
+        failing = python.run(here, ["studies.run", *STUDY_SERIAL, "dataset.glob=蟻 ö.off"])
     assert failing.returncode == 2
     assert failing.stderr.count(b"\n") == 1
 
@@ -58,29 +66,20 @@ def test_a_reader_that_leaves_early_is_no_error(study, here, words):
         assert (here / "README.md").exists()
 
 
-def test_a_study_goes_on_when_nobody_reads_its_output_any_more(here):
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    reading, writing = os.pipe()
-    os.close(reading)
-    try:
-        done = subprocess.run(
-            [sys.executable, "-m", "studies.run", *STUDY_SERIAL], env=environment, stdout=writing, stderr=writing
-        )
-    finally:
-        os.close(writing)
-    assert done.returncode == 0
+def test_a_study_goes_on_when_nobody_reads_its_output_any_more(here, python):
+    assert python.run(here, ["studies.run", *STUDY_SERIAL], unread=(1, 2)).returncode == 0
     assert (here / "results" / "normal_noise" / "files" / "table.csv").exists()
 
 
 @pytest.mark.parametrize("backend", ["module://matplotlib_inline.backend_inline", "module://no_such_module", "TkNone"])
-def test_the_plotting_backend_of_a_notebook_does_not_matter(here, backend):
+def test_the_plotting_backend_of_a_notebook_does_not_matter(here, backend, python):
     words = [word for word in STUDY_SERIAL if not word.startswith("gallery")]
-    done = command(here, ["studies.run", *words, "gallery.models=1"], MPLBACKEND=backend)
+    done = python.run(here, ["studies.run", *words, "gallery.models=1"], MPLBACKEND=backend)
     assert done.returncode == 0, done.stderr
     folder = here / "results" / "normal_noise" / "files"
     assert (folder / "normal_noise.png").exists()
     assert (folder / "gallery.png").exists()
-    assert command(here, ["studies.report"], MPLBACKEND=backend).returncode == 0
+    assert python.run(here, ["studies.report"], MPLBACKEND=backend).returncode == 0
 
 
 def test_where_compiled_code_is_cached_does_not_matter(here):
@@ -97,9 +96,9 @@ def test_mistakes_of_every_command_end_with_2(here):
         ["studies.merge"],
         ["studies.run", "--x"],
     ):
-        done = command(here, words)
+        done = typed_command(here, *words)
         assert done.returncode == 2, words
-        assert b"Traceback" not in done.stderr
+        assert "Traceback" not in done.stderr
 
 
 def test_a_stream_that_is_no_file_stays_as_it_is():

@@ -570,7 +570,7 @@ def test_shipped_experiments_on_files_pass(experiment, shapes, walk):
 
 
 def test_the_benchmark_experiment_passes(psb_zip):
-    check_experiment(Benchmark(), PSB(psb_zip, models=[81, 82]), make_segmenter({"_target_": HALVES}))
+    check_experiment(Benchmark(), PSB(psb_zip, models=[341, 342]), make_segmenter({"_target_": HALVES}))
 
 
 def test_the_experiment_of_poses_passes(tosca_zip):

@@ -1,4 +1,5 @@
 import dataclasses
+import functools
 from pathlib import Path
 
 import hydra.utils
@@ -28,20 +29,30 @@ def names(group):
     return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
 
 
+@functools.cache
+def cow():
+    return bundled("cow")
+
+
+@functools.cache
+def perturbed_cow(perturbation):
+    """The cow under a perturbation, which several studies may have."""
+    return perturbation(cow(), np.random.default_rng(0))
+
+
 @pytest.mark.parametrize("study", STUDIES)
 def test_every_study_composes_and_its_perturbation_works_at_every_level(study, configured):
     made = configured(f"+study={study}", "engine=serial")
     assert made.name == study
     assert made.title
-    mesh = bundled("cow")
     for name, part in made.experiment.named_parts(study).items() if isinstance(made.experiment, Change) else ():
         assert part.title
         assert part.axis
         for level, perturbation in part.at_levels(name):
             assert getattr(perturbation, part.swept) == level
-            result = perturbation(mesh, np.random.default_rng(0))
+            result = perturbed_cow(perturbation)
             assert isinstance(result.mesh, trimesh.Trimesh)
-            assert result.counterpart.shape == (len(mesh.vertices),)
+            assert result.counterpart.shape == (len(cow().vertices),)
 
 
 @pytest.mark.parametrize("study", STUDIES)
