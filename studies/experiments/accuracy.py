@@ -40,6 +40,7 @@ COLUMNS: tuple[Column, ...] = (
             column,
             name=f"{LOSS}_{column.name}",
             heading=f"{column.title} loss",
+            format="z.4f",  # no minus before what rounds to 0
             compact=False,
             help=f"{column.title} of the variant minus {column.title} of the original.",
         )
@@ -96,7 +97,7 @@ class GroundTruth:
     def __init__(
         self,
         mesh: trimesh.Trimesh,
-        labels: NDArray[np.integer],
+        labels: NDArray[np.int64],
         people: Sequence[NDArray[np.integer]],
         name: str = "",
     ) -> None:
@@ -105,12 +106,12 @@ class GroundTruth:
         self._original = self._whole.means(labels)
 
     @classmethod
-    def of(cls, model: Model, mesh: trimesh.Trimesh, labels: NDArray[np.integer]) -> GroundTruth | None:
+    def of(cls, model: Model, mesh: trimesh.Trimesh, labels: NDArray[np.int64]) -> GroundTruth | None:
         """The ground truth of a model with this mesh and segmentation; None if it has none."""
         people = model.human_segmentations()
         return cls(mesh, labels, people, model.name) if people else None
 
-    def values(self, counterpart: NDArray[np.integer], labels: NDArray[np.integer]) -> dict[str, float | None]:
+    def values(self, counterpart: NDArray[np.int64], labels: NDArray[np.int64]) -> dict[str, float | None]:
         """The values of `COLUMNS` for a variant.
 
         Parameters
@@ -158,7 +159,7 @@ class _Judge:
         self._faces = faces
         self._evaluator = psb.Evaluator(_Surface(vertices, faces), people)
 
-    def means(self, labels: NDArray[np.integer]) -> dict[str, float]:
+    def means(self, labels: NDArray[np.int64]) -> dict[str, float]:
         """The mean over people of every metric of a segmentation of the vertices."""
         scores = self._evaluator.evaluate(faces_from_vertices(labels, self._faces))
         with np.errstate(invalid="ignore"):

@@ -223,6 +223,9 @@ class Part:
     def recipe(self, perturbation: perturb.Perturbation) -> dict[str, Any]:
         """What determines the perturbation, but for its level: class, options, and version or code."""
         options = {**(self.perturbation or {}), self.swept: None}
+        for field in dataclasses.fields(perturbation):
+            if field.name in perturbation.later_fields and options.get(field.name, field.default) == field.default:
+                options.pop(field.name, None)
         if not str(options["_target_"]).startswith("perturb."):
             return {**options, "code": digest_of_code(type(perturbation))}
         # The first version is not recorded: trials had been stored before there were others.
