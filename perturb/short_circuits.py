@@ -152,7 +152,8 @@ class ShortCircuits(Perturbation):
         bridged = np.concatenate([kept, *bridges])
         if len(np.unique(bridged)) < len(np.unique(faces)):
             raise PerturbationError(
-                f"short_circuits: a {self.bridge} would leave a vertex without a face; draw the parameters with the same bridge"
+                f"short_circuits: a {self.bridge} would leave a vertex without a face; "
+                "draw the parameters with the same bridge"
             )
         return self.finish(
             mesh,

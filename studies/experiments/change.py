@@ -223,11 +223,12 @@ class Part:
     def recipe(self, perturbation: perturb.Perturbation) -> dict[str, Any]:
         """What determines the perturbation, but for its level: class, options, and version or code."""
         options = {**(self.perturbation or {}), self.swept: None}
-        for field in dataclasses.fields(perturbation):
-            if field.name in perturbation.later_fields and options.get(field.name, field.default) == field.default:
-                options.pop(field.name, None)
         if not str(options["_target_"]).startswith("perturb."):
             return {**options, "code": digest_of_code(type(perturbation))}
+        defaults = {each.name: each.default for each in dataclasses.fields(perturbation)}
+        for name in perturbation.later_fields:
+            if options.get(name, defaults[name]) == defaults[name]:
+                options.pop(name, None)
         # The first version is not recorded: trials had been stored before there were others.
         return options if perturbation.version == 1 else {**options, "version": perturbation.version}
 
