@@ -249,3 +249,11 @@ def test_the_defaults_draw_what_they_drew_before_there_were_other_readings(ring)
     same = perturb.ShortCircuits(3, near=0.37, far=0.58, where="any", ratio=None)
     assert usual == same
     np.testing.assert_array_equal(usual.sample(ring, rng(4))["vertices"], [[136, 520], [328, 712], [440, 56]])
+
+
+def test_a_single_triangle_leaves_no_vertex_without_a_face(ring):
+    # Where a vertex has one face alone, that face must not be removed unless the triangle uses the vertex.
+    corner = trimesh.Trimesh(ring.vertices, np.asarray(ring.faces)[::2], process=False)
+    for seed in range(10):
+        result = perturb.ShortCircuits(3, near=0.17, ratio=1.2, bridge="triangle")(corner, rng(seed))
+        assert len(np.unique(result.mesh.faces)) == len(np.unique(corner.faces))

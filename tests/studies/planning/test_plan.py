@@ -160,7 +160,7 @@ def test_options_that_came_later_change_no_trial_at_their_default_and_others_do(
 def test_the_two_readings_of_table_2_are_parts_beside_the_usual_one(plan):
     trials = plan("+study=table2", "dataset=bundled", "dataset.models=[ant]", "repeats=1", "gallery.models=0")
     tubes = {trial.part: trial.perturbation for trial in trials if trial.perturbation_name == "short_circuits"}
-    assert list(tubes) == ["short_circuits", "internal_short_circuits", "single_triangles"]
+    assert list(tubes) == ["short_circuits", "internal_tubes", "single_triangles"]
     assert [(each.amount, each.near, each.ratio, each.where, each.bridge) for each in tubes.values()] == [
         (10, 0.05, None, "any", "tube"),
         (10, 0.06, 1.5, "internal", "tube"),
