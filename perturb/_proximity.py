@@ -72,6 +72,39 @@ def search_near_but_far(
         first = found + 1
 
 
+def search_detours(
+    vertices: np.ndarray, graph: csr_array, sources: np.ndarray, near: float, ratio: float
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Find, for each source, the vertices within `near` in space to which the way along the edges is a detour.
+
+    Parameters
+    ----------
+    vertices, graph, sources, near
+        As in `search_near_but_far`.
+    ratio : float
+        The smallest distance along the edges, as a multiple of that in space.
+
+    Yields
+    ------
+    i : int
+        Position in `sources` of a source that has such vertices.
+    ends : (p,) int array
+        All such vertices, ascending; those at the very place of the source are none.
+    """
+    from scipy.sparse.csgraph import dijkstra
+    from scipy.spatial import KDTree
+
+    used = np.flatnonzero(np.diff(graph.indptr))
+    tree = KDTree(vertices[used])
+    for i, source in enumerate(sources):
+        around = used[np.sort(tree.query_ball_point(vertices[source], near))]
+        in_space = np.linalg.norm(vertices[around] - vertices[source], axis=1)
+        along_edges = dijkstra(graph, indices=source, limit=ratio * near)[around]
+        ends = around[(along_edges >= ratio * in_space) & (in_space > 0)]
+        if len(ends) > 0:
+            yield i, ends
+
+
 @compiled
 def _search_next(
     vertices: np.ndarray, indptr: np.ndarray, neighbours: np.ndarray, lengths: np.ndarray,

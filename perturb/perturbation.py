@@ -86,6 +86,9 @@ class Perturbation(ABC):
         Class variable; to be increased whenever a seed yields another result, so that stored results are not reused.
     neutral : float
         Class variable; the amount at which the perturbation is the identity.
+    later_fields : tuple of str
+        Class variable; fields that were added when results had been stored, and that change nothing at their default:
+        stored results are still found.
 
     Raises
     ------
@@ -132,6 +135,7 @@ class Perturbation(ABC):
     choices: ClassVar[dict[str, tuple[str, ...]]]
     version: ClassVar[int] = 1
     neutral: ClassVar[float] = 0.0
+    later_fields: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

@@ -214,6 +214,11 @@ def _check_declarations(perturbation: Perturbation) -> None:
         isinstance(cls.neutral, int | float) and math.isfinite(cls.neutral),
         f"neutral is {cls.neutral!r}; it must be the amount at which the perturbation is the identity",
     )
+    optional = {field.name for field in dataclasses.fields(perturbation) if field.default is not dataclasses.MISSING}
+    require(
+        optional.issuperset(cls.later_fields),
+        f"later_fields is {cls.later_fields!r}; it must be a tuple of names of fields that have a default",
+    )
     require(
         perturbation.amount != cls.neutral,
         f"the amount {perturbation.amount!r} is the neutral one, at which there is nothing to check; choose another",

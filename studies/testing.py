@@ -161,10 +161,11 @@ def check_metric(metric: Metric) -> None:
     Raises
     ------
     AssertionError
-        If the column is not well formed; if a value is not a plain float or int as the column's dtype requires; or if
-        values depend on which numbers the labels are, on the order of the points, or on previous calls, if arrays are
-        modified, if exchanging the segmentations changes a value of a metric declared as symmetric, or if equal
-        partitions do not have the best value, which is 0 if lower is better.
+        If the column is not well formed; if a value is not a plain float or int as the column's dtype requires, or
+        None though the metric is not declared as one that may be missing; or if values depend on which numbers the
+        labels are, on the order of the points, or on previous calls, if arrays are modified, if exchanging the
+        segmentations changes a value of a metric declared as symmetric, or if equal partitions do not have the best
+        value, which is 0 if lower is better.
 
     Examples
     --------
@@ -220,7 +221,7 @@ def _patches(mesh: TriangleMesh, count: int, rng: np.random.Generator) -> NDArra
 
 
 def _value(metric: Metric, name: str, what: str, comparison: Comparison) -> float | int:
-    """The value of a metric, if it keeps to the contract."""
+    """The value of a metric, NaN if it is missing, if it keeps to the contract."""
     passed = Comparison(
         comparison.reference.copy(),
         comparison.labels.copy(),
@@ -233,7 +234,7 @@ def _value(metric: Metric, name: str, what: str, comparison: Comparison) -> floa
         raise AssertionError(f"{name} raises {type(error).__name__} on {what}: {error}") from error
     expected = _TYPES[metric.column.dtype]
     _require(
-        type(value) is expected,
+        type(value) is expected or (value is None and metric.may_be_missing),
         f"{name} returns {type(value).__name__} on {what}; its column of dtype {metric.column.dtype} needs a plain "
         f"{expected.__name__}",
     )
@@ -242,7 +243,7 @@ def _value(metric: Metric, name: str, what: str, comparison: Comparison) -> floa
             np.array_equal(getattr(comparison, field), getattr(passed, field)),
             f"{name} modifies the array `{field}` of its comparison on {what}",
         )
-    return value
+    return math.nan if value is None else value
 
 
 def _check_invariances(metric: Metric, name: str, what: str, comparison: Comparison, value: float | int) -> None:

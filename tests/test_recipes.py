@@ -138,16 +138,14 @@ def test_a_segmenter_takes_one_file_and_one_yaml(repository, follow):
 
 def test_a_metric_takes_one_file(repository, follow):
     printed, _ = follow("### A metric")
-    assert "VI" in printed
+    assert "intact %" in printed
     folder = repository / "mine" / "shot_noise" / "bundled"
     rows = rows_of(folder)
-    assert (rows["variation_of_information"] >= 0).all()
-    assert ((rows["variation_of_information"] == 0) == (rows["change_percentage"] == 0)).all()
+    assert rows["intact_segments"].between(0, 100).all()
+    assert ((rows["intact_segments"] == 100) == (rows["change_percentage"] == 0)).all()
     table = pd.read_csv(folder / "table.csv")
-    assert table["variation_of_information"].tolist() == pytest.approx(
-        rows["variation_of_information"].tolist(), rel=1e-5
-    )
-    assert "| VI |" in (folder / "table.md").read_text(encoding="utf-8")
+    assert table["intact_segments"].tolist() == pytest.approx(rows["intact_segments"].tolist(), rel=1e-5)
+    assert "| intact % |" in (folder / "table.md").read_text(encoding="utf-8")
 
 
 def test_a_dataset_takes_one_file_in_a_folder_of_the_user(repository, tmp_path, follow):

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from studies.figures.charts import Chart
 
 PEOPLE = "Humans"
-SHOWN = ("cut_discrepancy", "rand_index_error", "hamming", "gce", "lce")  # the metrics in the table
 COMPUTED = "computed"  # the source of what was not published elsewhere
 
 
@@ -73,7 +72,7 @@ class BenchmarkTrial(Trial):
             values["seconds_segment"] = time.perf_counter() - start
             values["n_segments"] = len(np.unique(labels))
             face_labels = faces_from_vertices(labels, mesh.faces)
-            scores = [psb.evaluate(mesh, face_labels, person) for person in people]
+            scores = psb.Evaluator(mesh, people).evaluate(face_labels)
         return values | {name: float(np.mean([score[name] for score in scores])) for name in scores[0]}
 
 
@@ -130,7 +129,7 @@ class Benchmark(Experiment):
         scores = [
             dataclasses.replace(column, bounds=(f"{column.name}_low", f"{column.name}_high"), compact=True)
             for column in psb.COLUMNS
-            if column.name in SHOWN
+            if column.name in psb.MAIN
         ]
         table = Table(
             name="table",
@@ -157,7 +156,7 @@ class Benchmark(Experiment):
         """Every metric of every method, with its interval."""
         from studies.figures import charts
 
-        metrics = [column for column in psb.COLUMNS if column.name in SHOWN]
+        metrics = [column for column in psb.COLUMNS if column.name in psb.MAIN]
         return {study: charts.method_scores(tables["table"], metrics, title)}
 
 
@@ -165,7 +164,7 @@ def _scores(rows: pd.DataFrame) -> dict[str, float]:
     """Mean and interval of every metric over models, and how many models there are."""
     good = rows[rows["status"] == "ok"]
     scores: dict[str, float] = {}
-    for metric in SHOWN:
+    for metric in psb.MAIN:
         low, high = interval_of_mean(good, metric)
         scores |= {metric: good[metric].mean(), f"{metric}_low": low, f"{metric}_high": high}
     return scores | {"n": len(good), "failures": len(rows) - len(good)}

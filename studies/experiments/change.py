@@ -16,6 +16,8 @@ import trimesh
 import perturb
 from studies import metrics
 from studies.columns import Column, Table, of_means
+from studies.experiments import accuracy
+from studies.experiments.accuracy import GroundTruth, missing_values
 from studies.experiments.experiment import (
     FAILURES,
     PUBLISHED,
@@ -30,7 +32,7 @@ from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, digest_of_code, fingerprint
 from studies.planning.targets import construct, locate
-from studies.planning.trial import COLUMNS, Trial
+from studies.planning.trial import COLUMNS, TIMINGS, Trial
 from studies.planning.types import expectation, has_type, wrong_types
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_of_mean, model_mean, model_means
@@ -77,6 +79,9 @@ SEGMENTS = Column(
     compact=False,
     help="Mean number of segments after and before perturbing.",
 )
+FAILED_SHARE = Column(
+    name="failed_share", heading="failed %", format=".1f", unit="%", lower_is_better=True, help="Trials that failed."
+)
 HIDDEN_SIZES = tuple(
     dataclasses.replace(column, dtype="float64", shown=False) for column in COLUMNS if column.name in SIZES
 )
@@ -88,6 +93,7 @@ class Reference:
 
     mesh: trimesh.Trimesh
     labels: np.ndarray
+    truth: GroundTruth | None = None
 
 
 @dataclass(frozen=True)
@@ -123,8 +129,10 @@ class ChangeTrial(Trial):
     segmenter: Segmenter
 
     def prepare(self) -> Reference:
-        """The segmentation of the unperturbed mesh."""
-        return self.reference()
+        """The segmentation of the unperturbed mesh, and its ground truth if the model has one."""
+        reference = self.reference()
+        truth = GroundTruth.of(self.model, reference.mesh, reference.labels)
+        return dataclasses.replace(reference, truth=truth)
 
     def reference(self, labels: np.ndarray | None = None) -> Reference:
         """The model's mesh with these labels, or segmented if there are none."""
@@ -149,6 +157,7 @@ class ChangeTrial(Trial):
         reference, variant = prepared, self.variant(prepared)
         before, after = variant.compared()
         compared = Comparison(before, after, reference.mesh, np.flatnonzero(variant.counterpart >= 0))
+        truth = reference.truth
         values = {
             "n_vertices": len(reference.mesh.vertices),
             "n_faces": len(reference.mesh.faces),
@@ -158,6 +167,7 @@ class ChangeTrial(Trial):
             "n_segments_reference": len(np.unique(reference.labels)),
             "n_segments": len(np.unique(variant.labels)),
             **metrics.compare(compared),
+            **(truth.values(variant.counterpart, variant.labels) if truth else missing_values()),
             "seconds_perturb": variant.seconds_perturb,
             "seconds_segment": variant.seconds_segment,
             "applied": json.dumps(variant.applied),
@@ -215,6 +225,10 @@ class Part:
         options = {**(self.perturbation or {}), self.swept: None}
         if not str(options["_target_"]).startswith("perturb."):
             return {**options, "code": digest_of_code(type(perturbation))}
+        defaults = {each.name: each.default for each in dataclasses.fields(perturbation)}
+        for name in perturbation.later_fields:
+            if options.get(name, defaults[name]) == defaults[name]:
+                options.pop(name, None)
         # The first version is not recorded: trials had been stored before there were others.
         return options if perturbation.version == 1 else {**options, "version": perturbation.version}
 
@@ -288,7 +302,7 @@ class Change(Experiment):
             if getattr(self, option) != default:
                 raise StudyError(f"{option} is an option of each part of this study: parts.NAME.{option}=…")
 
-    columns: ClassVar[tuple[Column, ...]] = metrics.columns()
+    columns: ClassVar[tuple[Column, ...]] = (*metrics.columns(), *accuracy.COLUMNS)
     notes: ClassVar[str] = (
         "Change Percentage (CP): twice the share of points that must change their segment, in percent, under the best"
         " one-to-one matching of segments; its mean over models and repeats, with the 95 % bootstrap interval (models"
@@ -345,7 +359,7 @@ class Change(Experiment):
         return {name: _part(name, options) for name, options in self.parts.items()}
 
     def tables(self, rows: pd.DataFrame) -> list[Table]:
-        """Change Percentage by part and level; by category too if there are several."""
+        """Change Percentage by part and level, and by category if there are several; accuracy, failures and seconds."""
         table = Table(
             name="table",
             frame=summary(rows),
@@ -353,14 +367,7 @@ class Change(Experiment):
             notes=self.notes,
             value="mean",
         )  # fmt: skip
-        if rows["category"].nunique() < 2:
-            return [table]
-        by_category = Table(
-            name="by_category",
-            frame=_by_category(rows),
-            columns=(SEGMENTER, PART, LEVEL, UNIT, CATEGORY, MEAN, *BOUNDS, INTERVAL, MEDIAN, TRIALS),
-        )
-        return [table, by_category]
+        return [table, *filter(None, (_table_by_category(rows), _accuracy(rows), _failures_and_seconds(rows)))]
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
         """A curve, or a panel per part."""
@@ -474,15 +481,47 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     return frame_of(records, [*keys, "mean", "n", "failures"])
 
 
-def _by_category(rows: pd.DataFrame) -> pd.DataFrame:
+def _table_by_category(rows: pd.DataFrame) -> Table | None:
+    """Change Percentage by part, level and category; None if there are not several categories."""
+    if rows["category"].nunique() < 2:
+        return None
     keys = [*by_segmenter(rows), "part", "level", "unit", "category"]
-    return frame_of(
+    frame = frame_of(
         (
             {**dict(zip(keys, key, strict=True)), **_mean_and_interval(group), "n": len(group)}
             for key, group in rows[rows["status"] == "ok"].groupby(keys, sort=False)
         ),
         [*keys, "mean", "n"],
     )
+    columns = (SEGMENTER, PART, LEVEL, UNIT, CATEGORY, MEAN, *BOUNDS, INTERVAL, MEDIAN, TRIALS)
+    return Table("by_category", frame, columns)
+
+
+def _accuracy(rows: pd.DataFrame) -> Table | None:
+    keys = [*by_segmenter(rows), "part", "level", "unit"]
+    return accuracy.accuracy_table(rows, keys, (SEGMENTER, PART, LEVEL, UNIT))
+
+
+def _failures_and_seconds(rows: pd.DataFrame) -> Table | None:
+    """The share of trials that failed, and what a trial costs; None if no row has its seconds.
+
+    In a table of its own, because seconds differ between runs, and the others do not.
+    """
+    timed = [column for column in COLUMNS if column.name in TIMINGS and column.name in rows]
+    if not timed or rows[[column.name for column in timed]].isna().all(axis=None):
+        return None
+    keys = [*by_segmenter(rows), "part", "level", "unit"]
+    frame = frame_of(
+        {
+            **dict(zip(keys, key, strict=True)),
+            FAILED_SHARE.name: 100 * float((group["status"] != "ok").mean()),
+            **{column.name: model_mean(group[group["status"] == "ok"], column.name) for column in timed},
+            "n": int((group["status"] == "ok").sum()),
+        }
+        for key, group in rows.groupby(keys, sort=False)
+    )
+    seconds = [dataclasses.replace(column, format=".3f") for column in timed]
+    return Table("failures_and_seconds", frame, (SEGMENTER, PART, LEVEL, UNIT, FAILED_SHARE, *seconds, TRIALS))
 
 
 def _mean_and_interval(rows: pd.DataFrame) -> dict[str, float]:

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from heatwalk import LoadedMesh
 from studies import metrics
 from studies.columns import Column, Table
 from studies.experiments.change import columns_by_level, summary
+from studies.experiments.distinct import REACHES, DistinctSegments
 from studies.experiments.experiment import (
     FAILURES,
     MODELS,
@@ -29,6 +31,7 @@ from studies.planning.fingerprint import digest, fingerprint
 from studies.planning.names import check_name
 from studies.planning.trial import Trial
 from studies.planning.types import has_type
+from studies.reporting.text import count_of
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_of_mean
 
@@ -46,6 +49,25 @@ REFERENCE_TIME = 1.0
 # Segments of at least this share of the vertices are counted in ``n_large_segments``.
 LARGE_SHARE = 0.01
 
+COUNTED = ("all", "distinct")
+CRITERIA = ("exact", "within_one", "share_of_times")
+_HELP_OF_CRITERION = {
+    "exact": "Share of models with the same number of segments at every time.",
+    "within_one": "Share of models whose numbers of segments differ by at most one.",
+    "share_of_times": "Share of times at which the number of segments is that at time 1, mean over models.",
+}
+
+# Ways of counting: what tables call it, the column of the rows, whether only at the ends of an interval and the
+# reference time, and which value of the option ``counted`` chooses it.
+_COUNTINGS = (
+    ("all", "n_segments", False, "all"),
+    ("all, coarse", "n_segments", True, "all"),
+    ("large", "n_large_segments", False, "all"),
+    ("large, coarse", "n_large_segments", True, "all"),
+    ("distinct (1)", "n_distinct_segments_1", False, "distinct"),
+    ("distinct (2)", "n_distinct_segments_2", False, "distinct"),
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class TimeTrial(Trial):
@@ -62,27 +84,61 @@ class TimeTrial(Trial):
     times: tuple[float, ...]
     segmenter: Segmenter
 
-    def prepare(self) -> tuple[int, int, dict[float, np.ndarray]]:
-        """The numbers of vertices and faces, and the labels at every time."""
+    def prepare(self) -> Prepared:
+        """The mesh, and the segments at every time."""
         mesh = self.model.load()
         times = sorted({*self.times, REFERENCE_TIME})
-        labels = self.segmenter.method.at_times(mesh.vertices, mesh.faces, times)
-        return len(mesh.vertices), len(mesh.faces), dict(zip(times, labels, strict=True))
+        return Prepared(mesh, dict(zip(times, _at_times(self.segmenter.method, mesh, times), strict=True)))
 
-    def measure(self, prepared: tuple[int, int, Mapping[float, np.ndarray]]) -> dict[str, Any]:
+    def measure(self, prepared: Prepared) -> dict[str, Any]:
         """Count the segments, and compare with those at the reference time."""
-        n_vertices, n_faces, labels = prepared
-        reference, at_level = labels[REFERENCE_TIME], labels[self.level]
-        sizes = np.unique(at_level, return_counts=True)[1]
+        mesh, at_time = prepared.mesh, prepared.at_time[self.level]
+        reference, labels = prepared.at_time[REFERENCE_TIME].labels, at_time.labels
+        n_vertices = len(mesh.vertices)
+        sizes = np.unique(labels, return_counts=True)[1]
         return {
             "n_vertices": n_vertices,
-            "n_faces": n_faces,
+            "n_faces": len(mesh.faces),
             "n_compared": n_vertices,
             "n_segments_reference": len(np.unique(reference)),
             "n_segments": len(sizes),
             "n_large_segments": int((sizes >= LARGE_SHARE * n_vertices).sum()),
-            **metrics.compare(Comparison(reference, at_level)),
+            **{_distinct(reach): number for reach, number in zip(REACHES, at_time.n_distinct, strict=True)},
+            **metrics.compare(Comparison(reference, labels, mesh, np.arange(n_vertices))),
         }
+
+
+@dataclass(frozen=True)
+class AtTime:
+    """Labels of the vertices at one time, and the numbers of distinct segments for each of `REACHES`."""
+
+    labels: np.ndarray
+    n_distinct: tuple[int | None, ...]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What the trials of a model share: its mesh, and the segments at each time."""
+
+    mesh: LoadedMesh
+    at_time: Mapping[float, AtTime]
+
+
+def _at_times(method: Any, mesh: LoadedMesh, times: Sequence[float]) -> Iterator[AtTime]:
+    """The segments at each time; the distinct ones only of a method that tells its exemplars."""
+    if not hasattr(method, "segmentations"):
+        for labels in method.at_times(mesh.vertices, mesh.faces, times):
+            yield AtTime(labels, (None,) * len(REACHES))
+        return
+    distinct = DistinctSegments(mesh.vertices, mesh.faces)
+    for segmentation in method.segmentations(mesh.vertices, mesh.faces, times):
+        counts = tuple(distinct.count(segmentation, reach) for reach in REACHES)
+        yield AtTime(segmentation.labels, counts)
+
+
+def _distinct(reach: int) -> str:
+    """The column of the number of distinct segments."""
+    return f"n_distinct_segments_{reach}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +157,12 @@ class Times(Experiment):
         of that draw
     plate : mapping
         the picture: ``models``, of which the first in the study is shown, by default the study's first; ``times``
+    counted : {"all", "distinct"} or sequence of str
+        which segments the table counts; "distinct" as by `DistinctSegments`; by default a row for each
+    criterion : {"exact", "within_one", "share_of_times"}
+        what the share ``unchanged`` is, which is compared with published values: of the models whose number is the same
+        at every time, of those whose largest and smallest number differ by at most one, or, mean over models, of the
+        times at which the number is that at time 1. The others are in columns beside it.
     """
 
     times: Mapping[str, Any]
@@ -108,9 +170,14 @@ class Times(Experiment):
     models_drawn: int | None = None
     seed: int = 0
     plate: Mapping[str, Any] = field(default_factory=dict)
+    counted: str | Sequence[str] = COUNTED
+    criterion: str = CRITERIA[0]
 
     def __post_init__(self) -> None:
         self._all_times()
+        self._counted()
+        if self.criterion not in CRITERIA:
+            raise StudyError(f"criterion is {self.criterion!r}: choose one of {', '.join(CRITERIA)}")
         if not has_type(self.seed, int) or self.seed < 0:
             raise StudyError(f"seed is {self.seed!r}: it must be a whole number of at least 0")
         if self.plate:
@@ -125,11 +192,22 @@ class Times(Experiment):
     columns: ClassVar[tuple[Column, ...]] = (
         *metrics.columns(),
         Column(name="n_large_segments", dtype="Int64", help="Segments of at least 1 % of the vertices."),
+        *(
+            Column(
+                name=_distinct(reach),
+                dtype="Int64",
+                help="Segments of at least 1 % of the area, those joined whose exemplars are at most "
+                f"{count_of(reach, 'edge')} apart.",
+            )
+            for reach in REACHES
+        ),
     )
     notes: ClassVar[str] = (
         "Share of models whose number of segments is the same at every time tried in the interval, in percent, with "
         "its 95 % bootstrap interval over models; and whose largest and smallest numbers differ by at most one. "
-        "Large: segments of at least 1 % of the vertices. Coarse: only at the interval's ends and at time 1."
+        "Large: segments of at least 1 % of the vertices. Coarse: only at the interval's ends and at time 1. Distinct: "
+        "segments of at least 1 % of the area, those joined whose exemplars are at most one or two edges apart. Times: "
+        "the share of the times, of which 1 is one, at which the number is that at time 1, mean over models."
     )
 
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
@@ -201,7 +279,7 @@ class Times(Experiment):
             dict(zip(keys, key, strict=True)) | record
             for key, group in groups
             for low, high in self._pairs()
-            for record in _unchanged(group, low, high)
+            for record in self._unchanged(group, low, high)
         ]
         columns = (
             SEGMENTER,
@@ -209,15 +287,20 @@ class Times(Experiment):
             Column(name="high", shown=False, help="Last time of the interval."),
             Column(name="interval", heading="times", template="{low:g} – {high:g}", help="Interval of times."),
             Column(name="counted", dtype="string", heading="segments counted", help="Which segments are counted."),
+            Column(name="criterion", dtype="string", shown=self.criterion != CRITERIA[0],
+                   help="What the share of unchanged ones is."),
             Column(name="times", dtype="int64", heading="times tried", compact=False,
                    help="Times within the interval."),
             Column(name="unchanged", heading="unchanged %", format=".1f", lower_is_better=False,
-                   help="Share of models with the same number of segments at every time."),
+                   help=_HELP_OF_CRITERION[self.criterion]),
             Column(name="bounds", heading="95 % interval", template="{ci_low:.1f} – {ci_high:.1f}",
                    help="95 % bootstrap interval over models."),
             PUBLISHED,
-            Column(name="within_one", heading="within ±1 %", format=".1f", lower_is_better=False, compact=False,
-                   help="Share of models whose numbers of segments differ by at most one."),
+            *(
+                Column(name=criterion, heading=heading, format=".1f", lower_is_better=False, compact=False,
+                       bounds=(f"{criterion}_low", f"{criterion}_high"), help=_HELP_OF_CRITERION[criterion])
+                for criterion, heading in (("within_one", "within ±1 %"), ("share_of_times", "times %"))
+            ),
             MODELS,
             FAILURES,
         )  # fmt: skip
@@ -225,6 +308,42 @@ class Times(Experiment):
             Table("table", frame_of(records), columns, notes=self.notes, value="unchanged"),
             Table("by_time", summary(rows), columns_by_level(rows), value="mean"),
         ]
+
+    def _counted(self) -> tuple[str, ...]:
+        """Which segments are counted, checked."""
+        counted = [self.counted] if isinstance(self.counted, str) else self.counted
+        if not has_type(counted, Sequence[str]) or not counted or not {*counted} <= {*COUNTED}:
+            raise StudyError(f"counted is {self.counted!r}: it must be one of {', '.join(COUNTED)}, or a list [a,b]")
+        return tuple(counted)
+
+    def _unchanged(self, rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str, Any]]:
+        """How many models keep their number of segments from ``low`` to ``high``, by each way of counting."""
+        succeeded = rows[rows["status"] == "ok"]
+        good = succeeded[succeeded["level"].between(low, high)]
+        failed = rows.loc[rows["status"] != "ok", "model"].nunique()
+        for name, column, is_coarse, option in _COUNTINGS:
+            is_measured = column in rows and (good.empty or good[column].notna().any())
+            if option not in self._counted() or not is_measured:
+                continue
+            kept = good[good["level"].isin([low, REFERENCE_TIME, high])] if is_coarse else good
+            numbers = kept.pivot(index="model", columns="level", values=column).astype(float).dropna(how="all")
+            reference = succeeded[succeeded["level"] == REFERENCE_TIME].set_index("model")[column].astype(float)
+            shares = {criterion: _share(numbers, reference, criterion) for criterion in CRITERIA}
+            yield {
+                "low": low,
+                "high": high,
+                "counted": name,
+                "criterion": self.criterion,
+                "times": kept["level"].nunique(),
+                **dict(zip(("unchanged", "ci_low", "ci_high"), shares[self.criterion], strict=True)),
+                **{
+                    f"{criterion}{suffix}": value
+                    for criterion in CRITERIA[1:]
+                    for suffix, value in zip(("", "_low", "_high"), shares[criterion], strict=True)
+                },
+                "n": len(numbers),
+                "failures": failed,
+            }
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
         """The number of segments over time, and how much it varies within the intervals."""
@@ -248,32 +367,25 @@ class Times(Experiment):
             yield TimePlate(self.plate["stem"], shown[0], list(self.plate["times"]), title)
 
 
-def _unchanged(rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str, Any]]:
-    """The shares of models that keep their number of segments from ``low`` to ``high``, by each way of counting."""
+def _share(numbers: pd.DataFrame, reference: pd.Series, criterion: str) -> tuple[float, float, float]:
+    """The share, in percent, that a criterion takes for unchanged, and its interval over models.
+
+    Parameters
+    ----------
+    numbers : DataFrame
+        numbers of segments: a row per model, a column per time
+    reference : Series
+        the numbers of segments at the reference time, by model
+    criterion : str
+        one of `CRITERIA`
+    """
     import pandas as pd
 
-    good = rows[(rows["status"] == "ok") & rows["level"].between(low, high)]
-    failed = rows.loc[rows["status"] != "ok", "model"].nunique()
-    coarse = good[good["level"].isin([low, REFERENCE_TIME, high])]
-    for counted, column, kept in (
-        ("all", "n_segments", good),
-        ("all, coarse", "n_segments", coarse),
-        ("large", "n_large_segments", good),
-        ("large, coarse", "n_large_segments", coarse),
-    ):
-        numbers = kept.groupby("model")[column]
-        spread = numbers.max() - numbers.min()
-        same = pd.DataFrame({"model": spread.index, "same": 100.0 * (spread == 0).to_numpy(dtype=float)})
-        ci_low, ci_high = interval_of_mean(same, "same")
-        yield {
-            "low": low,
-            "high": high,
-            "counted": counted,
-            "times": kept["level"].nunique(),
-            "unchanged": same["same"].mean(),
-            "ci_low": ci_low,
-            "ci_high": ci_high,
-            "within_one": 100.0 * (spread <= 1).astype(float).mean(),
-            "n": len(same),
-            "failures": failed,
-        }
+    if criterion == "share_of_times":
+        numbers = numbers[numbers.index.isin(reference.dropna().index)]
+        same = numbers.eq(reference.reindex(numbers.index), axis=0).sum(axis=1) / numbers.notna().sum(axis=1)
+    else:
+        same = numbers.max(axis=1) - numbers.min(axis=1) <= CRITERIA.index(criterion)
+    share = 100.0 * same.astype(float)
+    low, high = interval_of_mean(pd.DataFrame({"model": share.index, "share": share.to_numpy()}), "share")
+    return share.mean(), low, high

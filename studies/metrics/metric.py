@@ -74,6 +74,8 @@ class Metric:
         whether exchanging the two segmentations never changes the value
     needs_mesh : bool
         whether ``function`` reads ``mesh`` and ``points`` of the comparison. Without a mesh the value is missing.
+    may_be_missing : bool
+        whether ``function`` returns None for some segmentations that have no such value
 
     Examples
     --------
@@ -94,9 +96,10 @@ class Metric:
     """
 
     column: Column
-    function: Callable[[Comparison], float | int]
+    function: Callable[[Comparison], float | int | None]
     symmetric: bool = False
     needs_mesh: bool = False
+    may_be_missing: bool = False
 
     def __call__(self, comparison: Comparison) -> Any:
         """The value for a comparison; None, a missing value, if it needs a mesh and has none.

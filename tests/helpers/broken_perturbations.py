@@ -50,6 +50,10 @@ class BadNeutral(Sound):
     name, neutral = "bad_neutral", float("nan")
 
 
+class BadLaterFields(Sound):
+    name, later_fields = "bad_later_fields", ("amuont",)
+
+
 @dataclass(frozen=True)
 class NotPicklable(Sound):
     function: Callable[[Any], Any] = lambda value: value

@@ -31,6 +31,8 @@ EXAMPLES = [
     perturb.Holes(40, "one_rings"),
     perturb.ShortCircuits(5),
     perturb.ShortCircuits(5, bridge="strip"),
+    perturb.ShortCircuits(3, near=0.3, ratio=1.2, bridge="triangle"),
+    perturb.ShortCircuits(3, near=0.3, ratio=1.2, where="internal"),
     perturb.Decimation(0.4),
     perturb.Decimation(0.4, backend="pymeshlab"),
     perturb.Scaling(3.0),

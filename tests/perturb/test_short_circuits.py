@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 
 import perturb
 from perturb import PerturbationError
+from perturb._proximity import search_detours
 from perturb.short_circuits import _Placement
 from tests.helpers.meshes import bundled
 from tests.helpers.perturbing import distances_along_edges, far_along_edges, rng
@@ -140,3 +142,118 @@ def test_a_shape_without_suitable_ends_is_refused_with_the_number_found():
     sphere = trimesh.creation.icosphere(subdivisions=4)
     with pytest.raises(PerturbationError, match=r"3 tubes were requested, but only 0 were found .*lower amount or far"):
         perturb.ShortCircuits(3)(sphere, rng())
+
+
+MAJOR, MINOR = 1.0, 0.3
+
+
+@pytest.fixture(scope="module")
+def ring():
+    """A torus: across its tube lines run inside, across its hole outside."""
+    return trimesh.creation.torus(MAJOR, MINOR, major_sections=48, minor_sections=16)
+
+
+def inside_torus(points):
+    """Whether points are inside the torus, by its formula."""
+    return (np.hypot(points[:, 0], points[:, 1]) - MAJOR) ** 2 + points[:, 2] ** 2 < MINOR**2
+
+
+def near_the_ends(mesh, parameters):
+    """Points on the straight lines between ends, close to each of their two ends."""
+    start, end = np.asarray(mesh.vertices)[parameters["vertices"]].transpose(1, 0, 2)
+    return 0.98 * start + 0.02 * end, 0.02 * start + 0.98 * end
+
+
+@pytest.mark.parametrize("inside_out", [False, True])
+@pytest.mark.parametrize(("where", "near"), [("internal", 0.17), ("external", 0.45)])
+def test_internal_ones_enter_the_body_at_both_ends_and_external_ones_leave_it(ring, where, near, inside_out):
+    circuits = perturb.ShortCircuits(6, near=near, ratio=1.4, where=where)
+    parameters = circuits.sample(ring, rng(2))
+    for points in near_the_ends(ring, parameters):
+        assert (inside_torus(points) == (where == "internal")).all()
+    if inside_out:
+        turned = trimesh.Trimesh(ring.vertices, np.asarray(ring.faces)[:, ::-1], process=False)
+        np.testing.assert_array_equal(circuits.sample(turned, rng(2))["vertices"], parameters["vertices"])
+
+
+def test_a_shape_without_gaps_has_no_external_ones():
+    with pytest.raises(PerturbationError, match=r"2 external tubes were requested, but only 0 .*or raise near"):
+        perturb.ShortCircuits(2, near=0.1, ratio=1.4, where="external")(trimesh.creation.icosphere(3), rng())
+
+
+@pytest.mark.parametrize("ratio", [1.3, 1.5])
+def test_with_a_ratio_the_ends_are_so_many_times_as_far_along_the_edges_as_in_space(ring, ratio):
+    near = 0.17 * np.linalg.norm(ring.extents)
+    result = perturb.ShortCircuits(6, near=0.17, ratio=ratio)(ring, rng(1))
+    assert result.applied["near_used"] == 0.17
+    for start, end in perturb.ShortCircuits(6, near=0.17, ratio=ratio).sample(ring, rng(1))["vertices"].tolist():
+        in_space = np.linalg.norm(ring.vertices[start] - ring.vertices[end])
+        assert in_space <= near
+        assert distances_along_edges(ring, start)[end] >= ratio * in_space
+
+
+def test_the_search_for_detours_finds_those_that_all_shortest_paths_give(ring):
+    along_edges, in_space = dijkstra(perturb.edge_graph(ring)), cdist(ring.vertices, ring.vertices)
+    for near, ratio in ((0.3, 1.3), (0.65, 1.5), (1.35, 1.2)):
+        expected = (in_space <= near) & (along_edges >= ratio * in_space) & (in_space > 0)
+        sources = rng().permutation(len(ring.vertices))[:200]
+        found = dict(search_detours(ring.vertices, perturb.edge_graph(ring).tocsr(), sources, near, ratio))
+        assert list(found) == np.flatnonzero(expected[sources].any(axis=1)).tolist()
+        for i, ends in found.items():
+            np.testing.assert_array_equal(ends, np.flatnonzero(expected[sources[i]]))
+
+
+def test_near_is_widened_up_to_four_times_with_a_ratio():
+    # Across a ball the way around is pi / 2 times as long; its diameter is .577 of the diagonal of its box.
+    ball = trimesh.creation.icosphere(3)
+    applied = perturb.ShortCircuits(2, near=0.15, ratio=1.5)(ball, rng()).applied
+    assert 0.4 < applied["near_used"] <= 0.6
+    assert applied["longest_tube"] > 1.5
+
+
+def test_single_triangles_keep_a_closed_surface_edge_manifold_and_oriented_but_open_it(ring):
+    circuits = perturb.ShortCircuits(6, near=0.17, ratio=1.4, bridge="triangle")
+    result = circuits(ring, rng(1))
+    mesh = result.mesh
+    assert result.applied["triangles_removed"] == result.applied["triangles_added"] == 6
+    assert mesh.is_winding_consistent
+    _, uses = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
+    # Around each: two edges of the removed triangle, and the two long sides of the new one.
+    assert np.bincount(uses)[1] == 6 * 4
+    assert uses.max() == 2
+    assert mesh.euler_number == ring.euler_number - 2 * 6
+
+
+def test_a_single_triangle_is_the_shortest_from_a_side_of_one_end_to_a_corner_of_the_other(ring):
+    circuits = perturb.ShortCircuits(6, near=0.17, ratio=1.4, bridge="triangle")
+    parameters = circuits.sample(ring, rng(1))
+    added = np.asarray(circuits.apply(ring, parameters).mesh.faces)[-6:]
+    removed = parameters["triangles"][:, 0]
+    others = np.delete(np.asarray(ring.faces), removed, axis=0)
+    np.testing.assert_array_equal(circuits.apply(ring, parameters).mesh.faces[:-6], others)
+    for triangle, (a, b) in zip(added.tolist(), np.asarray(ring.faces)[parameters["triangles"]].tolist(), strict=True):
+        of_side = [(a[i], a[(i + 1) % 3], corner) for i in range(3) for corner in b]
+        lengths = [sum(np.sum((ring.vertices[x] - ring.vertices[z]) ** 2) for x in (p, q)) for p, q, z in of_side]
+        assert tuple(triangle) in of_side
+        assert lengths[of_side.index(tuple(triangle))] == pytest.approx(min(lengths))
+
+
+@pytest.mark.parametrize("ratio", [1, 0.5, np.nan, "much"])
+def test_a_ratio_that_is_not_above_one_is_refused(ratio):
+    with pytest.raises(PerturbationError, match="ratio"):
+        perturb.ShortCircuits(ratio=ratio)
+
+
+def test_the_defaults_draw_what_they_drew_before_there_were_other_readings(ring):
+    usual = perturb.ShortCircuits(3, near=0.37, far=0.58)
+    same = perturb.ShortCircuits(3, near=0.37, far=0.58, where="any", ratio=None)
+    assert usual == same
+    np.testing.assert_array_equal(usual.sample(ring, rng(4))["vertices"], [[136, 520], [328, 712], [440, 56]])
+
+
+def test_a_single_triangle_leaves_no_vertex_without_a_face(ring):
+    # Where a vertex has one face alone, that face must not be removed unless the triangle uses the vertex.
+    corner = trimesh.Trimesh(ring.vertices, np.asarray(ring.faces)[::2], process=False)
+    for seed in range(10):
+        result = perturb.ShortCircuits(3, near=0.17, ratio=1.2, bridge="triangle")(corner, rng(seed))
+        assert len(np.unique(result.mesh.faces)) == len(np.unique(corner.faces))

@@ -16,6 +16,7 @@ BROKEN = [
     ("NameInherited", "has no name of its own"),
     ("BadVersion", r"version is 0; it must be a whole number of at least 1"),
     ("BadNeutral", "neutral is nan"),
+    ("BadLaterFields", r"later_fields is \('amuont',\); it must be a tuple of names of fields that have a default"),
     ("UnitNotListed", r"the unit 'mean_edge_length' is not in choices\['unit'\]"),
     ("NotPicklable", "cannot be pickled, as needed for worker processes"),
     ("NotComparable", "differs from a perturbation equal to it"),

@@ -5,6 +5,7 @@ import random
 
 import pytest
 
+import perturb
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, digest_of_code
 from tests.helpers.meshes import bundled
@@ -143,3 +144,26 @@ def test_two_models_of_the_same_mesh_are_different_trials(plan, tmp_path):
     trials = plan("+study=shot_noise", "dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1]", "repeats=1")
     assert len({t.mesh_digest for t in trials}) == 1
     assert len({t.trial_id for t in trials}) == len({t.seed for t in trials}) == 2
+
+
+def test_options_that_came_later_change_no_trial_at_their_default_and_others_do(plan):
+    def ids(*words):
+        return [trial.trial_id for trial in plan("+study=short_circuits", "dataset.models=[ant]", *words)]
+
+    usual = ids()
+    assert ids("~perturbation.where") == usual
+    assert ids("perturbation.where=any", "perturbation.ratio=null") == usual
+    for words in (["perturbation.where=internal"], ["perturbation.ratio=1.5"], ["perturbation.bridge=triangle"]):
+        assert not set(ids(*words)) & set(usual)
+
+
+def test_the_two_readings_of_table_2_are_parts_beside_the_usual_one(plan):
+    trials = plan("+study=table2", "dataset=bundled", "dataset.models=[ant]", "repeats=1", "gallery.models=0")
+    tubes = {trial.part: trial.perturbation for trial in trials if trial.perturbation_name == "short_circuits"}
+    assert list(tubes) == ["short_circuits", "internal_tubes", "single_triangles"]
+    assert [(each.amount, each.near, each.ratio, each.where, each.bridge) for each in tubes.values()] == [
+        (10, 0.05, None, "any", "tube"),
+        (10, 0.06, 1.5, "internal", "tube"),
+        (10, 0.06, 1.5, "any", "triangle"),
+    ]
+    assert tubes["short_circuits"] == perturb.ShortCircuits()
