@@ -30,7 +30,7 @@ from studies.reporting.text import count_of
 VERSION = 1  # raise it when a change of the code alters meshes, labels or corresponding points
 
 DEFAULT_RESOLUTION = 6000
-FEWEST_VERTICES, MOST_VERTICES = 600, 500_000
+FEWEST_VERTICES, MOST_VERTICES = 1_000, 500_000
 
 _PACKAGES = ("numpy", "scipy", "scikit-image")  # that compute the surfaces
 
@@ -127,7 +127,7 @@ class Synthetic(Dataset):
     poses : sequence of int, optional
         numbers of poses, 1 being the rest pose; all by default. With ``models``: those that satisfy both
     resolution : int
-        about how many vertices a model has, from 600
+        about how many vertices a model has, from 1,000
     seed : int, optional
         varies the proportions: limbs become up to 8 % longer or shorter, and thicker or thinner, and the axes of a
         shape are stretched by up to 5 %. Another number gives other individuals; by default none is varied.
@@ -136,7 +136,7 @@ class Synthetic(Dataset):
     --------
     >>> [model.name for model in Synthetic(models=["hand", "cup-2", "cup"]).models()]
     ['hand', 'cup', 'cup-2']
-    >>> [model] = Synthetic(models=["cup"], resolution=800).models()
+    >>> [model] = Synthetic(models=["cup"], resolution=1000).models()
     >>> model.parts
     ('bowl', 'handle')
     """

@@ -99,12 +99,13 @@ def collapse_short(vertices: Array, faces: Faces, shortest: float) -> tuple[Arra
             break
         rank = np.empty(len(short))
         rank[np.argsort(lengths[short], kind="stable")] = np.arange(len(short))
-        # Ends of two chosen edges are more than two edges apart, so that they have no neighbour in common.
-        ends = edges.ends[short]
-        near = _least(ends, rank, len(vertices))
-        for _ in range(2):
-            near = np.minimum(near, _least_of_neighbours(neighbours, near))
-        chosen = ends[(near[ends] == rank[:, None]).all(axis=1)]
+        # Ends of two chosen edges are no neighbours, and a corner is opposite to one of them at most: so neither changes
+        # whether the other may be collapsed.
+        corners = np.column_stack([edges.ends[short], edges.opposite[short]])
+        best = _least(corners, rank, len(vertices))
+        near = _least_of_neighbours(neighbours, _least(corners[:, :2], rank, len(vertices)))
+        first = (best[corners] == rank[:, None]).all(axis=1) & (near[corners[:, :2]] >= rank[:, None]).all(axis=1)
+        chosen = corners[first, :2]
         vertices = vertices.copy()
         vertices[chosen[:, 0]] = (vertices[chosen[:, 0]] + vertices[chosen[:, 1]]) / 2
         target = np.arange(len(vertices))

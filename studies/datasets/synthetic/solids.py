@@ -226,7 +226,9 @@ class Lathed(Solid):
         return distance, self.centre + turned
 
     def boxes(self) -> tuple[Array, Array]:
-        """See `Solid.boxes`: of the ball about the origin that contains the piece."""
+        """See `Solid.boxes`: of the cylinder that contains the piece."""
         low, high = self.profile.boxes()
-        reach = np.sqrt(high[:, 0] ** 2 + np.maximum(np.abs(low[:, 1]), np.abs(high[:, 1])) ** 2)[:, None]
-        return self.centre - reach, self.centre + reach
+        axis = self.frame[:, Y_AXIS]
+        across = high[:, :1] * np.sqrt(np.maximum(1 - axis * axis, 0.0))
+        ends = low[:, Y_AXIS, None] * axis, high[:, Y_AXIS, None] * axis
+        return self.centre + np.minimum(*ends) - across, self.centre + np.maximum(*ends) + across

@@ -102,7 +102,7 @@ def octopus() -> Shape:
                     _around(angle + bend, distance, height)
                     for bend, distance, height in zip(bends, distances, heights, strict=True)
                 ],
-                radii=[0.125, 0.1, 0.08, 0.066, 0.054, 0.045],
+                radii=[0.125, 0.108, 0.094, 0.08, 0.068, 0.056],
                 parts=f"arm {i + 1}",
                 joint=("head", 0),
             )
@@ -111,9 +111,9 @@ def octopus() -> Shape:
         lift = -34 if i % 2 else -16
         swimming[f"arm {i + 1}"] = {
             0: (lift * x, 0.0, lift * z),
-            2: (-18 * x, -10.0, -18 * z),
-            3: (-22 * x, -34.0, -22 * z),
-            4: (0.0, -34.0, 0.0),
+            2: (-18 * x, 6.0, -18 * z),
+            3: (-20 * x, -14.0, -20 * z),
+            4: (0.0, -24.0, 0.0),
         }
     limbs = [head, eye, mirrored(eye), *arms]
     return Shape(name="octopus", limbs=limbs, poses=[swimming])

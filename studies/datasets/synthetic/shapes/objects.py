@@ -113,8 +113,8 @@ def tree() -> Shape:
     )
     top = Tube(
         name="top",
-        points=[(0.02, 0.76, 0), (0.04, 0.94, 0.03)],
-        radii=[0.3, 0.25],
+        points=[(0.02, 0.8, 0), (0.04, 0.97, 0.03)],
+        radii=[0.27, 0.24],
         parts="top leaves",
         joint=("trunk", 5),
     )
@@ -130,19 +130,19 @@ def tree() -> Shape:
                 joint=("trunk", 0),
             )
         )
-    windy = {"trunk": {1: (0, 0, -5), 2: (0, 0, -6), 3: (0, 0, -8), 4: (0, 0, -8)}, "top": {0: (0, 0, -14)}}
+    windy = {"trunk": {1: (0, 0, -5), 2: (0, 0, -6), 3: (0, 0, -8), 4: (0, 0, -8)}, "top": {0: (0, 0, -4)}}
     for i in range(5):
         x, z = _direction(72 * i + 54)
-        low = (-0.1, 0.06, -0.02, 0.1, -0.06)[i]
+        low = (-0.12, 0.06, -0.04, 0.08, -0.08)[i]
         name = f"branch {i + 1}"
         limbs.append(
             Tube(
                 name=name,
                 points=[
                     (0, low, 0),
-                    (0.2 * x, low + 0.1, 0.2 * z),
-                    (0.42 * x, low + 0.18, 0.42 * z),
-                    (0.56 * x, low + 0.32, 0.56 * z),
+                    (0.22 * x, low + 0.1, 0.22 * z),
+                    (0.46 * x, low + 0.2, 0.46 * z),
+                    (0.62 * x, low + 0.36, 0.62 * z),
                 ],
                 radii=[0.07, 0.062, 0.056, 0.05],
                 parts=name,
@@ -153,16 +153,16 @@ def tree() -> Shape:
             Tube(
                 name=f"leaves {i + 1}",
                 points=[
-                    (0.6 * x + 0.1 * z, low + 0.38, 0.6 * z - 0.1 * x),
-                    (0.69 * x, low + 0.46, 0.69 * z),
-                    (0.66 * x - 0.12 * z, low + 0.4, 0.66 * z + 0.12 * x),
+                    (0.66 * x + 0.1 * z, low + 0.44, 0.66 * z - 0.1 * x),
+                    (0.76 * x, low + 0.54, 0.76 * z),
+                    (0.72 * x - 0.12 * z, low + 0.46, 0.72 * z + 0.12 * x),
                 ],
                 radii=[0.19, 0.23, 0.19],
                 parts=f"leaves {i + 1}",
                 joint=(name, 3),
             )
         )
-        windy[name] = {0: (0, -6, -6), 1: (0, -8, -8), 2: (0, -8, -14)}
+        windy[name] = {0: (0, -6, -4), 1: (0, -6, -6), 2: (0, -6, -10)}
     return Shape(name="tree", limbs=limbs, poses=[windy])
 
 
