@@ -94,7 +94,7 @@ class Benchmark(Experiment):
 
     columns: ClassVar[tuple[Column, ...]] = (
         *psb.COLUMNS,
-        Column(name="n_people", dtype="Int64", help="People whose segmentations of the model are compared with; 1 if it has an exact one instead."),
+        Column(name="n_people", dtype="Int64", help="People whose segmentations of the model are compared with."),
     )
     notes: ClassVar[str] = (
         "Mean over models of the mean over people's segmentations, and its 95 % bootstrap interval over models. CD: "

@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 
 from studies.datasets.synthetic.solids import Array, Solid, dot
 
-# In blends: how far from a limb it still counts. It then weighs e⁻¹⁰, which moves the surface by less than 2e-6.
+# In blends: how far from a limb it still counts. Beyond, its weight is below e⁻¹⁰: it moves the surface by less than
+# 2e-6.
 REACH = 10.0
 REACH_ON_GRID = 4.0  # vertices on a grid are projected afterwards
+
+TIE = 1e-9  # between distances that differ by rounding alone
 
 PROJECTION_STEPS = 4  # of Newton's method: from a hundredth of the shape off to the rounding error
 
@@ -65,6 +68,8 @@ class Field:
         """The function, (n,), and how much of its gradient each limb contributes, (limbs, n)."""
         distances = np.array([each.distance for each in nearest])
         least = distances.min(axis=0)
+        if np.isinf(least).any():
+            raise ValueError(f"a point is more than {REACH * self.blend:g} outside the box of every limb")
         weights = np.exp((least - distances) / self.blend)
         total = weights.sum(axis=0)
         return least - self.blend * np.log(total), weights / total
@@ -79,8 +84,9 @@ class Field:
         return distances
 
     def labels(self, points: Array) -> NDArray[np.int64]:
-        """The part that is nearest to each point."""
-        return self.part_distances(points).argmin(axis=1)
+        """The part that is nearest to each point; the first of those that share the nearest ball of a joint."""
+        distances = self.part_distances(points)
+        return (distances <= distances.min(axis=1, keepdims=True) + TIE).argmax(axis=1)
 
     def projected(self, points: Array, steps: int = PROJECTION_STEPS) -> Array:
         """The points moved along the gradient onto the surface."""

@@ -1,21 +1,22 @@
-"""The picture of all synthetic shapes in the documentation: ``python -m studies.datasets.synthetic.picture FILE``."""
+"""The picture of all synthetic shapes in the documentation."""
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 import trimesh
 
-from studies.datasets.synthetic.dataset import Synthetic, SyntheticModel
+from studies.datasets.synthetic.dataset import DEFAULT_RESOLUTION, Synthetic, SyntheticModel
 from studies.datasets.synthetic.surface import field_of
 from studies.figures.drawing import save
 from studies.figures.layout import lay_out
 from studies.figures.pictures import Row, Tile
 from studies.figures.surfaces import surface
 from studies.figures.views import View, view_along
+from studies.planning.fingerprint import digest
 
 COLUMNS = 6
 TILE = (640, 560)
@@ -41,7 +42,8 @@ def draw(path: Path, resolution: int) -> None:
     tiles = [_tile(cast(SyntheticModel, model)) for model in models]
     rows = [Row(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
     subtitle = "every shape in its rest pose and in another one; a colour is a part, known exactly"
-    save(lay_out(rows, "The synthetic shapes", subtitle), path)
+    content = digest(*(model.digest() for model in models))
+    save(lay_out(rows, "The synthetic shapes", subtitle), path, content)
 
 
 def _tile(model: SyntheticModel) -> Tile:
@@ -60,4 +62,8 @@ def _view(shape: str, vertices: np.ndarray) -> View:
 
 
 if __name__ == "__main__":
-    draw(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 6000)
+    parser = argparse.ArgumentParser(prog="python -m studies.datasets.synthetic.picture", description=__doc__)
+    parser.add_argument("file", type=Path, help="PNG file to write")
+    parser.add_argument("--resolution", type=int, default=DEFAULT_RESOLUTION, help="about how many vertices a shape has")
+    arguments = parser.parse_args()
+    draw(arguments.file, arguments.resolution)

@@ -20,7 +20,7 @@ Faces = NDArray[np.int64]
 
 SHORTEST, LONGEST = 0.75, 1.4  # edges, in target lengths
 ROUNDS = 3
-MOST_PASSES = 30  # of independent collapses, splits or flips
+MOST_PASSES = 100  # of independent collapses, splits or flips
 SMOOTHING_STEPS = 2
 FEWEST_EDGES = 4  # at a vertex
 
@@ -99,8 +99,8 @@ def collapse_short(vertices: Array, faces: Faces, shortest: float) -> tuple[Arra
             break
         rank = np.empty(len(short))
         rank[np.argsort(lengths[short], kind="stable")] = np.arange(len(short))
-        # Ends of two chosen edges are no neighbours, and a corner is opposite to one of them at most: so neither changes
-        # whether the other may be collapsed.
+        # Ends of two chosen edges are no neighbours, and a corner is opposite to one of them at most: so neither
+        # changes whether the other may be collapsed.
         corners = np.column_stack([edges.ends[short], edges.opposite[short]])
         best = _least(corners, rank, len(vertices))
         near = _least_of_neighbours(neighbours, _least(corners[:, :2], rank, len(vertices)))

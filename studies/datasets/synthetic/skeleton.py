@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from scipy.spatial.transform import Rotation
 
@@ -72,7 +71,7 @@ class Limb(ABC):
         """The solid in a pose; ``number`` has the label of each part."""
 
     def posed(self, base: tuple[Array, Array, Array], turns: Mapping[int, Sequence[float]]) -> Frames:
-        """The points when joints are turned, and the joint it hangs on has moved: from where, to where, and rotation."""
+        """The points when joints are turned; ``base`` is where the joint it hangs on was and is, and its rotation."""
         before, after, rotation = base
         points = np.array(self.points, dtype=float)
         placed, rotations = np.empty_like(points), np.empty((len(points), 3, 3))
@@ -234,10 +233,10 @@ class Shape:
     def solids(self, pose: int = 1) -> list[Solid]:
         """The solid of each limb in a pose, 1 being the rest pose."""
         number = {part: label for label, part in enumerate(self.parts)}
-        rest, posed = self._frames({}), self._frames(self.poses[pose - 2] if pose > 1 else {})
+        rest, posed = self.frames({}), self.frames(self.poses[pose - 2] if pose > 1 else {})
         return [limb.solid(posed[limb.name], rest[limb.name], number) for limb in self.limbs]
 
-    def _frames(self, turns: Turns) -> dict[str, Frames]:
+    def frames(self, turns: Turns) -> dict[str, Frames]:
         """The points of all limbs when some joints are turned."""
         unknown = set(turns) - {limb.name for limb in self.limbs}
         if unknown:
@@ -280,7 +279,9 @@ class Shape:
             moved[limb.name] = new
             limbs.append(
                 replace(
-                    limb, points=[tuple(map(float, point)) for point in new], radii=[r * thicker for r in limb.radii]
+                    limb,
+                    points=[(x, y, z) for x, y, z in new.tolist()],
+                    radii=[radius * float(thicker) for radius in limb.radii],
                 )
             )
         return replace(self, limbs=limbs)
@@ -305,6 +306,13 @@ def mirrored(limb: Limb) -> Limb:
     if isinstance(limb, Plate):
         changes["joints"] = [other_joint(joint) for joint in limb.joints]
     return replace(limb, **changes)  # type: ignore[arg-type]
+
+
+def about(start: Triple, end: Triple, angle: float) -> Triple:
+    """The rotation vector of a turn by an angle in degrees about the line from one point to another."""
+    along = np.array(end) - np.array(start)
+    x, y, z = (angle / np.sqrt((along**2).sum()) * along).tolist()
+    return x, y, z
 
 
 def _draw(seed: int, key: str, count: int) -> Array:
@@ -358,5 +366,3 @@ def _triangle_frames(corners: Array) -> Array:
     z = np.cross(x, corners[:, 2] - corners[:, 0])
     z = z / np.sqrt((z**2).sum(axis=1))[:, None]
     return np.stack([x, np.cross(z, x), z], axis=2)
-
-

@@ -57,7 +57,8 @@ def nearest_on_cone(points: Array, start: Array, end: Array, radius: Array, end_
     slope = (end_radius - radius) / safe
     relative = points - start
     along = dot(relative, axis)
-    across = np.sqrt(np.maximum(dot(relative, relative) - along * along, 0.0))
+    off_axis = relative - along[..., None] * axis
+    across = np.sqrt(dot(off_axis, off_axis))
     # Where the derivative of the distance from the centre less the radius is 0.
     share = np.clip((along + slope * across / np.sqrt(1 - slope * slope)) / safe, 0.0, 1.0)
     step = share * length
@@ -94,10 +95,9 @@ def nearest_on_triangle(points: Array, corners: Array, radii: Array) -> Nearest:
     determinant = uu * vv - uv * uv
     rise_u, rise_v = radii[..., 1] - radii[..., 0], radii[..., 2] - radii[..., 0]
     # The gradient of the radius in the plane of the triangle.
-    gradient = (
-        ((rise_u * vv - rise_v * uv) / determinant)[..., None] * u
-        + ((rise_v * uu - rise_u * uv) / determinant)[..., None] * v
-    )
+    along_u = (rise_u * vv - rise_v * uv) / determinant
+    along_v = (rise_v * uu - rise_u * uv) / determinant
+    gradient = along_u[..., None] * u + along_v[..., None] * v
     steepness = np.sqrt(1 - dot(gradient, gradient))
     normal = np.cross(u, v) / np.sqrt(determinant)[..., None]
     relative = points - origin
@@ -138,7 +138,7 @@ class Solid(ABC):
 
     @abstractmethod
     def nearest(self, points: Array, pieces: NDArray[np.int64]) -> Nearest:
-        """Signed distances from pieces, and centres of the nearest balls; points (…, 3) and pieces (…) are broadcast."""
+        """Signed distances from pieces and centres of the nearest balls; points (…, 3), pieces (…) are broadcast."""
 
     @abstractmethod
     def boxes(self) -> tuple[Array, Array]:

@@ -66,17 +66,17 @@ def make_surface(shape: Shape, pose: int, resolution: int) -> Surface:
         has no face.
     """
     field = field_of(shape, pose)
-    vertices, faces = _extracted(field, COARSEST)
+    vertices, faces = extracted(field, COARSEST)
     # Two equilateral triangles for each vertex cover the area.
     length = SHORTER * float(np.sqrt(2 * face_areas(vertices, faces).sum() / (np.sqrt(3) * resolution)))
     if length * SPACING < COARSEST:
-        vertices, faces = _extracted(field, length * SPACING)
+        vertices, faces = extracted(field, length * SPACING)
     where = f"shape {shape.name}, pose {pose}, dataset.resolution={resolution}"
     _check_topology(vertices, faces, shape.genus, where)
     vertices, faces = remesh(vertices, faces, field, length)
     _check_topology(vertices, faces, shape.genus, where)
     labels = field.labels(vertices[faces].mean(axis=1))
-    lacking = [part for part, count in zip(shape.parts, np.bincount(labels, minlength=field.n_parts)) if not count]
+    lacking = [part for label, part in enumerate(shape.parts) if label not in labels]
     if lacking:
         raise DatasetError(f"{where}: no face belongs to {', '.join(lacking)}; raise dataset.resolution")
     return Surface(vertices, faces, labels)
@@ -99,10 +99,10 @@ def corresponding(shape: Shape, pose: int, rest: Surface, posed: Surface) -> NDA
     """
     before, after = field_of(shape, 1), field_of(shape, pose)
     carried = after.projected(before.carried(rest.vertices, after))
-    return KDTree(posed.vertices).query(carried)[1].astype(np.int64)
+    return np.asarray(KDTree(posed.vertices).query(carried)[1], dtype=np.int64)
 
 
-def _extracted(field: Field, spacing: float) -> tuple[Array, NDArray[np.int64]]:
+def extracted(field: Field, spacing: float) -> tuple[Array, NDArray[np.int64]]:
     """The zeros of a field on a grid."""
     low, high = field.bounds()
     start = low - 1.5 * spacing

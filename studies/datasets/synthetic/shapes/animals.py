@@ -5,7 +5,7 @@ from math import cos, degrees, pi, radians, sin
 from numpy import linspace
 from scipy.interpolate import PchipInterpolator
 
-from studies.datasets.synthetic.skeleton import Lathe, Limb, Plate, Shape, Triple, Tube, mirrored
+from studies.datasets.synthetic.skeleton import Lathe, Limb, Plate, Shape, Triple, Tube, Turns, about, mirrored
 
 
 def quadruped() -> Shape:
@@ -46,14 +46,18 @@ def quadruped() -> Shape:
     )
     front = Tube(
         name="left foreleg",
-        points=[(0.12, 0.1, 0.42), (0.15, -0.24, 0.34), (0.155, -0.58, 0.38), (0.155, -0.82, 0.37), (0.155, -0.86, 0.46)],
+        points=[
+            (0.12, 0.1, 0.42), (0.15, -0.24, 0.34), (0.155, -0.58, 0.38), (0.155, -0.82, 0.37), (0.155, -0.86, 0.46),
+        ],
         radii=[0.13, 0.085, 0.056, 0.055, 0.052],
         parts=["left upper foreleg", "left lower foreleg", "left lower foreleg", "left lower foreleg"],
         joint=("body", 3),
     )  # fmt: skip
     rear = Tube(
         name="left hind leg",
-        points=[(0.12, 0.12, -0.5), (0.16, -0.22, -0.4), (0.16, -0.52, -0.6), (0.16, -0.82, -0.53), (0.16, -0.86, -0.44)],
+        points=[
+            (0.12, 0.12, -0.5), (0.16, -0.22, -0.4), (0.16, -0.52, -0.6), (0.16, -0.82, -0.53), (0.16, -0.86, -0.44),
+        ],
         radii=[0.15, 0.1, 0.058, 0.055, 0.052],
         parts=["left upper hind leg", "left lower hind leg", "left lower hind leg", "left lower hind leg"],
         joint=("body", 0),
@@ -171,13 +175,14 @@ def bird() -> Shape:
         joint=("left inner wing", 2),
     )
     left: list[Limb] = [inner, outer]
-    beating = {
+    beating: Turns = {
         "head": {0: (8, 18, 0)},
         "tail": {0: (14, 0, 0)},
         "left inner wing": {0: (0, 0, 40)},
         "right inner wing": {0: (0, 0, -40)},
-        "left outer wing": {0: (0, -2.5, -27.9)},
-        "right outer wing": {0: (0, 2.5, 27.9)},
+        # About the edge between the wings, where they stay joined.
+        "left outer wing": {0: about((0.5, 0.16, 0.27), (0.5, 0.12, -0.17), 28)},
+        "right outer wing": {0: about((-0.5, 0.12, -0.17), (-0.5, 0.16, 0.27), 28)},
     }
     return Shape(name="bird", limbs=[body, head, beak, tail, *left, *map(mirrored, left)], poses=[beating], blend=0.025)
 
@@ -189,12 +194,12 @@ def fish() -> Shape:
     above = PchipInterpolator(nodes, [0.02, 0.06, 0.18, 0.26, 0.2, 0.08, 0.0])(along).tolist()
     below = PchipInterpolator(nodes, [-0.02, -0.06, -0.16, -0.23, -0.19, -0.09, -0.02])(along).tolist()
     thickness = PchipInterpolator(nodes, [0.05, 0.056, 0.088, 0.12, 0.118, 0.09, 0.065])(along).tolist()
-    count = len(along)
+    count, gills = len(along), 3
     spine = Tube(
         name="spine",
         points=[(0, 0, z) for z in along.tolist()],
         radii=thickness,
-        parts="body",
+        parts=["head"] * gills + ["body"] * (count - 1 - gills),
         varied=False,
     )
     rows = zip(above, below, along.tolist(), strict=True)
@@ -202,15 +207,17 @@ def fish() -> Shape:
         name="flanks",
         points=[(0, y, z) for up, down, z in rows for y in (up, down)],
         radii=[radius for radius in thickness for _ in range(2)],
-        triangles=[corners for i in range(0, 2 * count - 2, 2) for corners in ((i, i + 1, i + 2), (i + 1, i + 3, i + 2))],
-        parts="body",
+        triangles=[
+            corners for i in range(0, 2 * count - 2, 2) for corners in ((i, i + 1, i + 2), (i + 1, i + 3, i + 2))
+        ],
+        parts=["head"] * (2 * gills) + ["body"] * (2 * (count - 1 - gills)),
         joints=[("spine", i) for i in range(count) for _ in range(2)],
     )
     eye = Tube(
         name="left eye",
         points=[(0.075, 0.08, 0.66), (0.08, 0.08, 0.665)],
         radii=[0.05, 0.048],
-        parts="body",
+        parts="head",
         joint=("spine", 1),
         curved=False,
         varied=False,
@@ -247,7 +254,7 @@ def fish() -> Shape:
         parts="left pectoral fin",
         joint=("spine", 4),
     )
-    turning = {
+    turning: Turns = {
         "spine": {i: (0, 9 if i < 9 else -14, 0) for i in range(3, 12)},
         "tail fin": {0: (0, -12, 0)},
         "left pectoral fin": {0: (0, 16, 20)},

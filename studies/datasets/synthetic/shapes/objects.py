@@ -2,7 +2,7 @@
 
 from math import cos, radians, sin
 
-from studies.datasets.synthetic.skeleton import Joint, Lathe, Limb, Plate, Shape, Triple, Tube, mirrored
+from studies.datasets.synthetic.skeleton import Joint, Lathe, Limb, Plate, Shape, Triple, Tube, about, mirrored
 
 
 def chair() -> Shape:
@@ -15,8 +15,8 @@ def chair() -> Shape:
         parts="seat",
         varied=False,
     )
-    corner, top = ("seat", 2), ("left post", 1)
-    front = _rod("left front leg", (0.34, -0.02, 0.33), (0.42, -0.9, 0.42), (0.065, 0.045), "left front leg", ("seat", 0))
+    edge, corner, top = ("seat", 0), ("seat", 2), ("left post", 1)
+    front = _rod("left front leg", (0.34, -0.02, 0.33), (0.42, -0.9, 0.42), (0.065, 0.045), "left front leg", edge)
     rear = _rod("left rear leg", (0.32, -0.02, -0.31), (0.4, -0.9, -0.44), (0.065, 0.045), "left rear leg", corner)
     post = _rod("left post", (0.34, 0.02, -0.36), (0.38, 1.02, -0.54), (0.055, 0.05), "back", corner)
     crest = _rod("crest", (0.38, 1.0, -0.537), (-0.38, 1.0, -0.537), (0.075, 0.075), "back", top)
@@ -39,9 +39,7 @@ def chair() -> Shape:
 
 def _rod(name: str, start: Triple, end: Triple, radii: tuple[float, float], part: str, joint: Joint) -> Tube:
     """A straight limb whose length does not vary, since others are attached to it."""
-    return Tube(
-        name=name, points=[start, end], radii=radii, parts=part, joint=joint, curved=False, varied=False
-    )  # fmt: skip
+    return Tube(name=name, points=[start, end], radii=radii, parts=part, joint=joint, curved=False, varied=False)
 
 
 def cup() -> Shape:
@@ -63,7 +61,7 @@ def cup() -> Shape:
         varied=False,
     )
     # About the line through both ends, which therefore stay where they are.
-    aside = {"handle": {0: (-2.14, -39.94, 0)}}
+    aside = {"handle": {0: about(handle.points[0], handle.points[-1], 40)}}
     return Shape(name="cup", limbs=[bowl, handle], poses=[aside], genus=1)
 
 
