@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
 from typing import ClassVar
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.io import LoadedMesh
+from studies.datasets.cache import cached_mesh
 from studies.datasets.dataset import (
     Dataset,
     DatasetError,
@@ -24,7 +25,7 @@ from studies.datasets.dataset import (
 )
 from studies.datasets.synthetic.shapes import SHAPES
 from studies.datasets.synthetic.skeleton import Shape
-from studies.datasets.synthetic.surface import Surface, corresponding, make_surface
+from studies.datasets.synthetic.surface import Surface, corresponding, labelled, make_mesh
 from studies.reporting.text import count_of
 
 VERSION = 1  # raise it when a change of the code alters meshes, labels or corresponding points
@@ -39,7 +40,7 @@ _PACKAGES = ("numpy", "scipy", "scikit-image")  # that compute the surfaces
 class SyntheticModel(Model):
     """A pose of a shape; the shape is its category.
 
-    The first `load` in a process takes one or two seconds at 6,000 vertices, later ones none.
+    The first `load` takes one or two seconds at 6,000 vertices; the mesh is then kept on disk.
 
     Parameters
     ----------
@@ -64,7 +65,7 @@ class SyntheticModel(Model):
 
     def load(self) -> LoadedMesh:
         """The mesh."""
-        surface = self._surface()
+        surface = self.surface()
         note = f"generated with {count_of(len(self.parts), 'part')}: {', '.join(self.parts)}"
         return LoadedMesh(surface.vertices.copy(), surface.faces.copy(), (note,))
 
@@ -81,7 +82,7 @@ class SyntheticModel(Model):
         list of (m,) int64 array
             one array, with the index in `parts` of the part that is nearest to each face
         """
-        return [self._surface().labels.copy()]
+        return [self.surface().labels.copy()]
 
     def human_digest(self) -> str:
         """The digest of the mesh, which determines the labels too."""
@@ -97,20 +98,24 @@ class SyntheticModel(Model):
             vertices, in order, for the rest pose itself
         """
         if self.pose == 1:
-            return np.arange(len(self._surface().vertices))
-        return _corresponding(self).copy()
+            return np.arange(len(self.surface().vertices))
+        return _corresponding(self, self.correspondence_digest()).copy()
 
     def correspondence_digest(self) -> str:
         """SHA-256 of the digests of this pose and of the rest pose."""
-        rest = SyntheticModel(self.category, self.category, 1, self.resolution, self.seed)
-        return hashlib.sha256(f"{self.digest()} {rest.digest()}".encode()).hexdigest()
+        return hashlib.sha256(f"{self.digest()} {self.rest().digest()}".encode()).hexdigest()
 
     def shape(self) -> Shape:
         """The shape with its proportions."""
         return SHAPES[self.category].varied(self.seed)
 
-    def _surface(self) -> Surface:
-        return _surface(self.category, self.pose, self.resolution, self.seed)
+    def rest(self) -> SyntheticModel:
+        """The rest pose of the same shape."""
+        return replace(self, name=self.category, pose=1)
+
+    def surface(self) -> Surface:
+        """The mesh with its labels, shared: not to be modified."""
+        return _surface(self, self.digest())
 
 
 class Synthetic(Dataset):
@@ -201,14 +206,17 @@ def _check_whole_number(option: str, value: int, least: int, most: int) -> None:
 
 
 @lru_cache(maxsize=64)
-def _surface(shape: str, pose: int, resolution: int, seed: int | None) -> Surface:
-    """The surface of a pose, computed once per process."""
-    return make_surface(SHAPES[shape].varied(seed), pose, resolution)
+def _surface(model: SyntheticModel, digest: str) -> Surface:
+    """The surface of a model, computed or read once per process."""
+
+    def compute() -> LoadedMesh:
+        return LoadedMesh(*make_mesh(model.shape(), model.pose, model.resolution), ())
+
+    mesh = cached_mesh(digest, compute)
+    return labelled(model.shape(), model.pose, mesh.vertices, mesh.faces)
 
 
 @lru_cache(maxsize=64)
-def _corresponding(model: SyntheticModel) -> NDArray[np.int64]:
+def _corresponding(model: SyntheticModel, digest: str) -> NDArray[np.int64]:
     """The corresponding vertices of a pose, computed once per process."""
-    shape, resolution, seed = model.category, model.resolution, model.seed
-    surfaces = (_surface(shape, pose, resolution, seed) for pose in (1, model.pose))
-    return corresponding(SHAPES[shape].varied(seed), model.pose, *surfaces)
+    return corresponding(model.shape(), model.pose, model.rest().surface(), model.surface())

@@ -64,6 +64,8 @@ def _view(shape: str, vertices: np.ndarray) -> View:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m studies.datasets.synthetic.picture", description=__doc__)
     parser.add_argument("file", type=Path, help="PNG file to write")
-    parser.add_argument("--resolution", type=int, default=DEFAULT_RESOLUTION, help="about how many vertices a shape has")
+    parser.add_argument(
+        "--resolution", type=int, default=DEFAULT_RESOLUTION, help="about how many vertices a shape has"
+    )
     arguments = parser.parse_args()
     draw(arguments.file, arguments.resolution)

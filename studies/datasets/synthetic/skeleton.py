@@ -17,7 +17,8 @@ Joint = tuple[str, int]  # a limb, and which of its points
 Turns = Mapping[str, Mapping[int, Sequence[float]]]  # limb → point → rotation vector in degrees, axes of the rest pose
 Triple = tuple[float, float, float]
 
-SUBDIVISIONS = 6  # of a span of a curved tube: 15 degrees a piece at most where it bends by a right angle
+SUBDIVISIONS = 4  # of a span of a tube: pieces differ by 20 degrees at most where it bends by a right angle
+LATHE_SUBDIVISIONS = 6
 
 # Of the logarithms of what a seed varies: lengths and radii by 8 % each way at most, the axes of the whole by 5 %.
 LARGEST_VARIATION = 0.08
@@ -93,12 +94,12 @@ class Tube(Limb):
     ----------
     parts : str or sequence of str
         the part of each span between two points
-    curved : bool
-        whether it runs smoothly through its points instead of straight from one to the next
+    subdivisions : int
+        pieces of a smooth curve between two points; 1 for straight lines from one to the next
     """
 
     parts: str | Sequence[str]
-    curved: bool = True
+    subdivisions: int = SUBDIVISIONS
 
     def part_names(self) -> Sequence[str]:
         """See `Limb.part_names`."""
@@ -107,7 +108,7 @@ class Tube(Limb):
 
     def solid(self, frames: Frames, rest: Frames, number: Mapping[str, int]) -> Cones:
         """See `Limb.solid`."""
-        count = SUBDIVISIONS if self.curved else 1
+        count = self.subdivisions
         points, radii = _refined(frames.points, np.array(self.radii), count)
         original, _ = _refined(rest.points, np.array(self.radii), count)
         rotations = np.repeat(frames.rotations[:-1], count, axis=0)
@@ -186,7 +187,7 @@ class Lathe(Limb):
     def solid(self, frames: Frames, rest: Frames, number: Mapping[str, int]) -> Lathed:
         """See `Limb.solid`."""
         path = np.column_stack([np.array(self.profile, dtype=float), np.zeros(len(self.profile))])
-        path, radii = _refined(path, np.array(self.radii), SUBDIVISIONS)
+        path, radii = _refined(path, np.array(self.radii), LATHE_SUBDIVISIONS)
         path[:, 0] = np.maximum(path[:, 0], 0.0)
         pieces = len(path) - 1
         parts = np.full(pieces, number[self.part])

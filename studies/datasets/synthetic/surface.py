@@ -44,7 +44,7 @@ def field_of(shape: Shape, pose: int) -> Field:
     return Field(shape.solids(pose), shape.blend, len(shape.parts))
 
 
-def make_surface(shape: Shape, pose: int, resolution: int) -> Surface:
+def make_mesh(shape: Shape, pose: int, resolution: int) -> tuple[Array, NDArray[np.int64]]:
     """Mesh a shape in a pose.
 
     Parameters
@@ -57,13 +57,13 @@ def make_surface(shape: Shape, pose: int, resolution: int) -> Surface:
 
     Returns
     -------
-    Surface
+    vertices : (n, 3) float array
+    faces : (m, 3) int array
 
     Raises
     ------
     DatasetError
-        If the surface is not closed or of one component, if it has not the shape's number of handles, or if a part
-        has no face.
+        If the surface is not closed or of one component, or if it has not the shape's number of handles.
     """
     field = field_of(shape, pose)
     vertices, faces = extracted(field, COARSEST)
@@ -75,10 +75,23 @@ def make_surface(shape: Shape, pose: int, resolution: int) -> Surface:
     _check_topology(vertices, faces, shape.genus, where)
     vertices, faces = remesh(vertices, faces, field, length)
     _check_topology(vertices, faces, shape.genus, where)
-    labels = field.labels(vertices[faces].mean(axis=1))
+    return vertices, faces
+
+
+def labelled(shape: Shape, pose: int, vertices: Array, faces: NDArray[np.int64]) -> Surface:
+    """A mesh of a shape in a pose with the part of each face: that which is nearest to its centre.
+
+    Raises
+    ------
+    DatasetError
+        If a part has no face.
+    """
+    labels = field_of(shape, pose).labels(vertices[faces].mean(axis=1))
     lacking = [part for label, part in enumerate(shape.parts) if label not in labels]
     if lacking:
-        raise DatasetError(f"{where}: no face belongs to {', '.join(lacking)}; raise dataset.resolution")
+        raise DatasetError(
+            f"shape {shape.name}, pose {pose}: no face belongs to {', '.join(lacking)}; raise dataset.resolution"
+        )
     return Surface(vertices, faces, labels)
 
 

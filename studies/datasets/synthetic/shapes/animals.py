@@ -90,7 +90,7 @@ def octopus() -> Shape:
         radii=[0.1, 0.09],
         parts="head",
         joint=("head", 1),
-        curved=False,
+        subdivisions=1,
         varied=False,
     )
     arms: list[Limb] = []
@@ -107,6 +107,7 @@ def octopus() -> Shape:
                     for bend, distance, height in zip(bends, distances, heights, strict=True)
                 ],
                 radii=[0.125, 0.108, 0.094, 0.08, 0.068, 0.056],
+                subdivisions=3,
                 parts=f"arm {i + 1}",
                 joint=("head", 0),
             )
@@ -200,6 +201,7 @@ def fish() -> Shape:
         points=[(0, 0, z) for z in along.tolist()],
         radii=thickness,
         parts=["head"] * gills + ["body"] * (count - 1 - gills),
+        subdivisions=1,
         varied=False,
     )
     rows = zip(above, below, along.tolist(), strict=True)
@@ -219,7 +221,7 @@ def fish() -> Shape:
         radii=[0.05, 0.048],
         parts="head",
         joint=("spine", 1),
-        curved=False,
+        subdivisions=1,
         varied=False,
     )
     tail = Plate(
@@ -302,7 +304,7 @@ def snake() -> Shape:
         x, y, z = points[-1]
         points.append((x + step * sin(radians(heading)), y, z + step * cos(radians(heading))))
     radii = [min(0.042 + 0.005 * i, 0.1, 0.1 - 0.005 * (i - 30)) for i in range(count + 1)]
-    body = Tube(name="body", points=points, radii=radii, parts=["tail"] * 9 + ["body"] * (count - 9))
+    body = Tube(name="body", points=points, radii=radii, parts=["tail"] * 9 + ["body"] * (count - 9), subdivisions=2)
     x, y, z = points[-1]
     ahead, aside = cos(radians(headings[-1])), sin(radians(headings[-1]))
     head = Tube(

@@ -39,7 +39,7 @@ def chair() -> Shape:
 
 def _rod(name: str, start: Triple, end: Triple, radii: tuple[float, float], part: str, joint: Joint) -> Tube:
     """A straight limb whose length does not vary, since others are attached to it."""
-    return Tube(name=name, points=[start, end], radii=radii, parts=part, joint=joint, curved=False, varied=False)
+    return Tube(name=name, points=[start, end], radii=radii, parts=part, joint=joint, subdivisions=1, varied=False)
 
 
 def cup() -> Shape:
@@ -77,15 +77,15 @@ def pliers() -> Shape:
     )
     handle = Tube(
         name="left handle",
-        points=[(0.03, 0, -0.06), (0.17, 0, -0.24), (0.27, 0, -0.5), (0.3, 0, -0.8), (0.24, 0, -1.1)],
-        radii=[0.085, 0.075, 0.08, 0.085, 0.07],
+        points=[(0, 0, 0), (0.08, 0, -0.13), (0.19, 0, -0.29), (0.27, 0, -0.53), (0.3, 0, -0.8), (0.24, 0, -1.1)],
+        radii=[0.08, 0.08, 0.076, 0.08, 0.085, 0.07],
         parts="left handle",
         joint=("joint", 0),
     )
     jaw = Tube(
         name="left jaw",
-        points=[(0.04, 0, 0.06), (0.14, 0, 0.22), (0.15, 0, 0.46), (0.085, 0, 0.8)],
-        radii=[0.09, 0.088, 0.075, 0.045],
+        points=[(0, 0, 0), (0.08, 0, 0.12), (0.14, 0, 0.26), (0.15, 0, 0.48), (0.085, 0, 0.82)],
+        radii=[0.08, 0.088, 0.086, 0.075, 0.045],
         parts="left jaw",
         joint=("joint", 0),
     )

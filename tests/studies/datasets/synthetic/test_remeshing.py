@@ -13,7 +13,9 @@ from studies.datasets.synthetic.surface import field_of
 @pytest.fixture(scope="module")
 def ball() -> Field:
     points = [(0, 0, -1e-6), (0, 0, 1e-6)]
-    return field_of(Shape(name="ball", limbs=[Tube(name="b", points=points, radii=[1, 1], parts="b", curved=False)]), 1)
+    return field_of(
+        Shape(name="ball", limbs=[Tube(name="b", points=points, radii=[1, 1], parts="b", subdivisions=1)]), 1
+    )
 
 
 @pytest.fixture
