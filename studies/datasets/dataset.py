@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,11 @@ class Model(ABC):
     category : str
         the class of shapes that it belongs to, "" if the dataset has none
 
+    Attributes
+    ----------
+    ground_truth : bool
+        whether `human_segmentations` returns one segmentation that is exact, instead of those by people
+
     Examples
     --------
     >>> import hashlib
@@ -66,6 +71,8 @@ class Model(ABC):
 
     name: str
     category: str
+
+    ground_truth: ClassVar[bool] = False
 
     @abstractmethod
     def load(self) -> LoadedMesh:
@@ -98,7 +105,8 @@ class Model(ABC):
         Returns
         -------
         list of (m,) int64 array
-            face labels, one array per person; empty if the dataset has none
+            face labels, one array per person, or the exact ones alone if there is a ground truth; empty if the dataset
+            has none
         """
         return []
 

@@ -41,14 +41,17 @@ class BenchmarkTrial(Trial):
     ----------
     segmenter : Segmenter or None
         None for the people
+    ground_truth : bool
+        whether the model has one exact segmentation, which is compared with, instead of those by people
     """
 
     segmenter: Segmenter | None
+    ground_truth: bool = False
 
     def prepare(self) -> tuple[LoadedMesh, list[np.ndarray]]:
         """The mesh and people's segmentations of its faces."""
         people = self.model.human_segmentations()
-        if len(people) < 2:
+        if len(people) < 2 and not self.ground_truth:
             raise ValueError(
                 f"model {self.model.name} has {count_of(len(people), 'segmentation')} by people; two are needed"
             )
@@ -99,12 +102,12 @@ class Benchmark(Experiment):
     )
 
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
-        """One trial per model and segmenter, and one per model for its people."""
+        """One trial per model and segmenter, and one per model for its people, if any."""
         models = dataset.models()
         if not any(has_people(model) for model in models):
             raise StudyError(
                 f"the study {study} needs segmentations by people, which the dataset {dataset.name} does not have; "
-                "dataset=psb has them"
+                "dataset=psb has them, and dataset=synthetic has exact ones"
             )
         return [
             BenchmarkTrial(
@@ -114,13 +117,14 @@ class Benchmark(Experiment):
                 model=model,
                 mesh_digest=identity[1],
                 segmenter=judged,
+                ground_truth=model.ground_truth,
                 segmenter_name=judged.name if judged else PEOPLE,
                 group_key=digest(identity),
                 trial_id=digest("benchmark", identity, model.human_digest(), judged and judged.fingerprint)[:24],
             )
             for model in models
             for identity in [fingerprint(model)]
-            for judged in (*segmenters, None)
+            for judged in (segmenters if model.ground_truth else (*segmenters, None))
         ]
 
     def tables(self, rows: pd.DataFrame) -> list[Table]:

@@ -172,7 +172,7 @@ class Poses(Experiment):
         if not any(has_correspondence(model) for model in models):
             raise StudyError(
                 f"the study {study} needs the corresponding points of two poses of a shape, which the dataset "
-                f"{dataset.name} does not have; dataset=tosca has them"
+                f"{dataset.name} does not have; dataset=tosca and dataset=synthetic have them"
             )
         for shape, group in groupby(models, key=lambda model: model.category):
             poses = tuple(group)

@@ -6,6 +6,7 @@ from studies.datasets import Dataset, DatasetError, make_dataset
 from studies.datasets.bundled import Bundled
 from studies.datasets.files import Files
 from studies.datasets.psb import NON_RIGID, PSB
+from studies.datasets.synthetic import Synthetic
 from studies.datasets.tosca import TOSCA
 
 
@@ -14,7 +15,10 @@ def dataset(*overrides):
         return make_dataset(OmegaConf.to_container(compose(overrides=list(overrides)).dataset, resolve=True))
 
 
-@pytest.mark.parametrize(("name", "kind"), [("bundled", Bundled), ("files", Files), ("psb", PSB), ("tosca", TOSCA)])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("bundled", Bundled), ("files", Files), ("psb", PSB), ("synthetic", Synthetic), ("tosca", TOSCA)],
+)
 def test_each_config_makes_its_dataset_without_looking_for_files(name, kind, monkeypatch):
     for variable in ("PSB_ROOT", "TOSCA_ROOT"):
         monkeypatch.delenv(variable, raising=False)

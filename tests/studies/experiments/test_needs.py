@@ -66,9 +66,11 @@ def test_a_study_says_what_a_dataset_does_not_have(plan, datasets, study, needs,
 
 
 def test_a_benchmark_without_poses_and_poses_without_people(plan, psb_zip, tosca_zip):
-    with pytest.raises(StudyError, match=r"which the dataset psb does not have; dataset=tosca has them$"):
+    lacking = "which the dataset {} does not have; {}$"
+    with pytest.raises(StudyError, match=lacking.format("psb", "dataset=tosca and dataset=synthetic have them")):
         plan("+study=pose", "dataset=psb", f"dataset.root={psb_zip}", "dataset.models=[1,2]", "engine=serial")
-    with pytest.raises(StudyError, match=r"which the dataset tosca does not have; dataset=psb has them$"):
+    exact = "dataset=psb has them, and dataset=synthetic has exact ones"
+    with pytest.raises(StudyError, match=lacking.format("tosca", exact)):
         plan("+study=table1", "dataset=tosca", f"dataset.root={tosca_zip}", "engine=serial")
 
 
