@@ -25,13 +25,13 @@ class Bending(Perturbation):
     Parameters
     ----------
     amount : float
-        The standard deviation of each coordinate of a control point, or the angle between the directions of the shape's
+        The largest displacement of a control point along each axis, or the angle between the directions of the shape's
         two ends, depending on `method`.
     unit : str
         "bounding_box_diagonal" for the method "lattice", "degrees" for "bend".
     method : str
-        "lattice": free-form deformation by a cubic lattice of control points around the shape, each displaced by a
-        normally distributed vector. "bend": the longest side of the bounding box becomes an arc, in a random direction
+        "lattice": free-form deformation by a cubic lattice of control points around the shape, each displaced at random,
+        by up to `amount` along each axis. "bend": the longest side of the bounding box becomes an arc, in a random direction
         perpendicular to it.
     control_points : int
         Of the lattice, along each axis, at least 2; one more than the degree of the polynomial.
@@ -61,7 +61,7 @@ class Bending(Perturbation):
     (True, 0)
     """
 
-    amount: float = 0.08
+    amount: float = 0.15
     unit: str = "bounding_box_diagonal"
     method: str = "lattice"
     control_points: int = 4
@@ -80,9 +80,9 @@ class Bending(Perturbation):
             )
 
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
-        """Draw `offsets` (c, c, c, 3), standard normal, of control points, or `direction` (3,), a unit vector."""
+        """Draw `offsets` (c, c, c, 3) of control points, in ±1, or `direction` (3,), a unit vector."""
         if self.method == "lattice":
-            return {"offsets": rng.standard_normal((int(self.control_points),) * 3 + (3,))}
+            return {"offsets": rng.uniform(-1, 1, (int(self.control_points),) * 3 + (3,))}
         return {"direction": random_direction(rng)}
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:

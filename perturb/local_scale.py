@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from perturb._displacement import deform
+from perturb._places import draw_places
 from perturb.meshes import LENGTHS
-from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
+from perturb.perturbation import Parameters, Perturbation, Perturbed
 
 if TYPE_CHECKING:
     import trimesh
@@ -26,7 +27,7 @@ class LocalScale(Perturbation):
     unit : str
         "factor_minus_one".
     places : int
-        How many places. Each swells or shrinks with equal probability.
+        How many places. Half of them shrink; of an odd number, one more swells.
     radius : float
         How far a place reaches, as a share of the bounding-box diagonal.
 
@@ -70,15 +71,9 @@ class LocalScale(Perturbation):
 
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
         """Draw `vertices` (k,), the places, and `signs` (k,), 1 where the shape swells and -1 where it shrinks."""
-        area = _vertex_areas(mesh)
-        if self.places > np.count_nonzero(area):
-            raise PerturbationError(
-                f"local_scale: {self.places} places were requested, but only {np.count_nonzero(area)} vertices have "
-                "faces with an area; lower places"
-            )
         return {
-            "vertices": rng.choice(len(area), int(self.places), replace=False, p=area / area.sum()),
-            "signs": rng.choice([-1, 1], int(self.places)),
+            "vertices": draw_places(mesh, int(self.places), rng, self.name),
+            "signs": rng.permutation(np.resize([1, -1], int(self.places))),
         }
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
@@ -101,11 +96,3 @@ def _scaled_around(vertices: np.ndarray, used: np.ndarray, place: int, radius: f
     offset -= offset[near].mean(axis=0)
     fall_off = np.maximum(1 - np.sum(offset**2, axis=1), 0) ** 2
     return radius * change * fall_off[:, None] * offset
-
-
-def _vertex_areas(mesh: trimesh.Trimesh) -> np.ndarray:
-    """(n,) the area of the faces at each vertex, relative to the square of the bounding-box diagonal."""
-    from trimesh.triangles import area
-
-    corners = (np.asarray(mesh.vertices) - mesh.bounds[0])[mesh.faces] / LENGTHS["bounding_box_diagonal"](mesh)
-    return np.bincount(np.ravel(mesh.faces), np.repeat(area(corners), 3), minlength=len(mesh.vertices))
