@@ -97,9 +97,7 @@ def deform(
     )
 
 
-def move(
-    mesh: trimesh.Trimesh, requested: np.ndarray, name: str
-) -> tuple[trimesh.Trimesh, np.ndarray, MoveFacts]:
+def move(mesh: trimesh.Trimesh, requested: np.ndarray, name: str) -> tuple[trimesh.Trimesh, np.ndarray, MoveFacts]:
     """Add (n, 3) displacements to the vertices; facts measured on the result, and errors as for `displace`."""
     result, counterpart = moved(mesh, requested)
     actual = np.asarray(result.vertices) - np.asarray(mesh.vertices)

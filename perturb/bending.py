@@ -30,19 +30,20 @@ class Bending(Perturbation):
     unit : str
         "bounding_box_diagonal" for the method "lattice", "degrees" for "bend".
     method : str
-        "lattice": free-form deformation by a cubic lattice of control points around the shape, each displaced at random,
-        by up to `amount` along each axis. "bend": the longest side of the bounding box becomes an arc, in a random direction
-        perpendicular to it.
+        "lattice": free-form deformation by a cubic lattice of control points around the shape, each displaced at
+        random, by up to `amount` along each axis. "bend": the longest side of the bounding box becomes an arc, in a
+        random direction perpendicular to it.
     control_points : int
         Of the lattice, along each axis, at least 2; one more than the degree of the polynomial.
 
     Notes
     -----
     The lattice fills the smallest cube around the bounding box. A vertex moves by a mean of the control points'
-    displacements weighted by Bernstein polynomials, so by less than these: the displacement that was reached is in
-    `Perturbed.applied`. ``smallest_volume_ratio`` is the smallest determinant of the Jacobian matrix at a vertex, and
-    ``vertices_inverted`` how many have a negative one; there the surface is turned inside out. Neither occurs at the
-    levels of the study.
+    displacements, weighted by Bernstein polynomials, so by less than these: the displacements that were reached are in
+    `Perturbed.applied`. Space does not fold: the determinant of the Jacobian matrix is positive at every vertex
+    (``smallest_volume_ratio`` is its smallest value). Control points are drawn again, up to MAX_TRIES times, until that
+    is so; an amount with which it is not raises PerturbationError. Parts that are far apart on the surface can still
+    meet in space.
 
     References
     ----------
@@ -54,11 +55,11 @@ class Bending(Perturbation):
     >>> import numpy as np
     >>> import perturb
     >>> import trimesh
-    >>> rod = trimesh.creation.capsule(height=10, radius=0.5, count=[16, 64])
+    >>> rod = trimesh.creation.box(extents=[1, 1, 12]).subdivide().subdivide().subdivide()
     >>> bend = perturb.Bending(amount=180, unit="degrees", method="bend")
     >>> bent = bend.apply(rod, {"direction": np.array([1.0, 0.0, 0.0])})
-    >>> float(np.ptp(bent.mesh.vertices[:, 2]).round(2)) < 11, bent.applied["vertices_inverted"]
-    (True, 0)
+    >>> rod.extents.round(1).tolist(), bent.mesh.extents.round(1).tolist()
+    ([1.0, 1.0, 12.0], [4.3, 1.0, 8.6])
     """
 
     amount: float = 0.15
@@ -68,6 +69,8 @@ class Bending(Perturbation):
 
     name: ClassVar[str] = "bending"
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": tuple(UNITS.values()), "method": tuple(UNITS)}
+
+    MAX_TRIES: ClassVar[int] = 100
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -81,23 +84,35 @@ class Bending(Perturbation):
 
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
         """Draw `offsets` (c, c, c, 3) of control points, in ±1, or `direction` (3,), a unit vector."""
-        if self.method == "lattice":
-            return {"offsets": rng.uniform(-1, 1, (int(self.control_points),) * 3 + (3,))}
-        return {"direction": random_direction(rng)}
+        if self.method == "bend":
+            return {"direction": random_direction(rng)}
+        for _ in range(self.MAX_TRIES):
+            offsets = rng.uniform(-1, 1, (int(self.control_points),) * 3 + (3,))
+            _, volume_ratio = self._deform_freely(mesh, offsets)
+            if volume_ratio.min() > 0:
+                return {"offsets": offsets}
+        raise self._folded()
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
         if self.method == "lattice":
             displacement, volume_ratio = self._deform_freely(mesh, parameters["offsets"])
         else:
             displacement, volume_ratio = self._bend(mesh, parameters["direction"])
+        if volume_ratio.min() <= 0:
+            raise self._folded()
         result, counterpart, facts = deform(self, mesh, displacement)
         return self.finish(
             mesh,
             result,
             counterpart,
             smallest_volume_ratio=float(volume_ratio.min()),
-            vertices_inverted=int(np.count_nonzero(volume_ratio <= 0)),
             **facts,
+        )
+
+    def _folded(self) -> PerturbationError:
+        return PerturbationError(
+            f"bending, {self.amount:g} {self.unit}: space would fold, and the surface turn inside out; choose a "
+            "smaller amount"
         )
 
     def _deform_freely(self, mesh: trimesh.Trimesh, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

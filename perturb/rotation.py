@@ -22,7 +22,7 @@ class Rotation(Perturbation):
     Parameters
     ----------
     amount : float
-        The angle in degrees; 0 is the identity.
+        The angle in degrees, 0 to 180, clockwise or anticlockwise with equal probability; 0 is the identity.
     unit : str
         "degrees".
 
@@ -47,6 +47,10 @@ class Rotation(Perturbation):
 
     name: ClassVar[str] = "rotation"
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("degrees",)}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_number("amount", maximum=180)
 
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
         """Draw `axis` (3,), a unit vector."""

@@ -77,8 +77,8 @@ class Sampling(Perturbation):
         "field": ("random", "direction"),
     }
 
-    BANDS: ClassVar[int] = 8
-    ITERATIONS: ClassVar[int] = 3
+    BANDS: ClassVar[int] = 6
+    ITERATIONS: ClassVar[int] = 2
     SHARP_ANGLE: ClassVar[float] = 45.0  # degrees between the normals of two faces
 
     def __post_init__(self) -> None:
@@ -144,18 +144,27 @@ class Sampling(Perturbation):
         corners = vertices[faces]
         areas = area(corners)
         # So many faces as before: the integral of the density, as that of equilateral triangles, is their number.
-        shortest = np.sqrt(np.sum(areas / self.amount ** coarseness(corners.mean(axis=1))) / len(faces) * 4 / np.sqrt(3))
+        shortest = np.sqrt(
+            np.sum(areas / self.amount ** coarseness(corners.mean(axis=1))) / len(faces) * 4 / np.sqrt(3)
+        )
         mean_length = np.sqrt(areas.sum() / len(faces) * 4 / np.sqrt(3))
+        # Evenly first, so that the densities of the mesh itself do not remain at the borders of the bands.
+        vertices, faces = self._remesh(vertices, faces, mean_length)
         for band in range(self.BANDS):
             of_face = np.minimum((coarseness(vertices[faces].mean(axis=1)) * self.BANDS).astype(int), self.BANDS - 1)
             length = shortest * self.amount ** ((band + 0.5) / self.BANDS / 2)
             # All coarser bands with it, where edges become longer: a single band is too narrow for them.
             selected = of_face == band if length < mean_length else of_face >= band
             if selected.any():
-                vertices, faces = remesh_isotropically(
-                    vertices, faces, length, iterations=self.ITERATIONS, sharp_angle=self.SHARP_ANGLE, selected=selected
-                )
+                vertices, faces = self._remesh(vertices, faces, length, selected)
         return vertices, faces
+
+    def _remesh(
+        self, vertices: np.ndarray, faces: np.ndarray, length: float, selected: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        return remesh_isotropically(
+            vertices, faces, length, iterations=self.ITERATIONS, sharp_angle=self.SHARP_ANGLE, selected=selected
+        )
 
 
 class _Coarseness:

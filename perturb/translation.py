@@ -57,6 +57,7 @@ class Translation(Perturbation):
         distance = self.amount * LENGTHS[self.unit](mesh)
         displacement = np.broadcast_to(distance * parameters["direction"], mesh.vertices.shape)
         result, counterpart, facts = deform(self, mesh, displacement)
-        off = np.abs(np.asarray(result.vertices) - np.asarray(mesh.vertices) - displacement).max()
+        # Far away, subtracting the displacement is exact; subtracting the vertices first would hide their rounding.
+        off = np.abs(np.asarray(result.vertices) - displacement - np.asarray(mesh.vertices)).max()
         rounding = float(off / LENGTHS["mean_edge_length"](mesh))
         return self.finish(mesh, result, counterpart, largest_rounding=rounding, **facts)

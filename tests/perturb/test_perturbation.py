@@ -39,8 +39,18 @@ EXAMPLES = [
     perturb.Tessellation(4.0, method="subdivision"),
     perturb.Tessellation(2.0, method="anisotropic"),
     perturb.Tessellation(2.0, method="irregular"),
+    perturb.LocalScale(0.5),
+    perturb.Affine(2.0),
+    perturb.Affine(2.0, method="shear"),
+    perturb.Bending(0.15),
+    perturb.Bending(60, "degrees", "bend"),
+    perturb.Smoothing(10),
+    perturb.SelfIntersections(2, thickness=0.5),
+    perturb.Rotation(90),
+    perturb.Translation(10),
+    perturb.Renumbering(0.5),
 ]
-DETERMINISTIC = (perturb.Decimation, perturb.Scaling)
+DETERMINISTIC = (perturb.Decimation, perturb.Scaling, perturb.Smoothing)
 RANDOM = [
     example
     for example in EXAMPLES
@@ -72,14 +82,22 @@ def digest(mesh):
 def test_every_shipped_perturbation_has_an_example():
     assert set(SHIPPED) <= set(perturb.names())
     assert SHIPPED == [
+        "affine",
+        "bending",
         "decimation",
         "holes",
+        "local_scale",
         "missing_parts",
         "normal_noise",
+        "renumbering",
+        "rotation",
         "scaling",
+        "self_intersections",
         "short_circuits",
         "shot_noise",
+        "smoothing",
         "tessellation",
+        "translation",
     ]
 
 
@@ -121,7 +139,7 @@ def test_the_neutral_amount_keeps_even_vertices_without_faces(perturbation):
 
 def test_amount_0_is_neutral_unless_it_would_leave_nothing():
     neutral = {perturb.get(name).name: perturb.get(name).neutral for name in SHIPPED}
-    assert neutral == dict.fromkeys(SHIPPED, 0.0) | {"decimation": 1.0, "scaling": 1.0}
+    assert neutral == dict.fromkeys(SHIPPED, 0.0) | {"affine": 1.0, "decimation": 1.0, "scaling": 1.0}
     for name in ("decimation", "scaling"):
         with pytest.raises(PerturbationError, match="must be above 0"):
             perturb.get(name)(amount=0)
