@@ -16,6 +16,7 @@ from perturb.perturbation import Parameters, Perturbation, PerturbationError, Pe
 if TYPE_CHECKING:
     import trimesh
 
+TRIES_PER_BUMP = 100  # vertices at which a bump is tried, before none is said to be possible
 NEARER_THAN_ROUNDING = 1e-6  # of the diagonal; two sides of a sheet without thickness are not opposite sides
 
 
@@ -41,11 +42,12 @@ class SelfIntersections(Perturbation):
     Tips are random vertices, all parts of the surface being equally likely, at which the ray against the normal meets
     the surface again within `thickness`, outside of the bump. Bumps do not overlap. A vertex of a bump moves in
     parallel to this ray, by a share of (1 − t²)² of what the tip does, where t is its distance from the tip along the
-    edges, relative to the radius. The faces and their connections remain the same.
+    edges, relative to the radius. The faces and their connections remain the same. For each bump, a hundred
+    vertices are tried.
 
     ``intersecting_faces`` and ``intersecting_faces_before`` in `Perturbed.applied` are the numbers of faces that
-    intersect another one, as counted by pymeshlab, which finds these pairs independently. If bumps do not increase it,
-    a PerturbationError reports it.
+    intersect another one, as found by pymeshlab, independently of how bumps are made. No bump is made where faces
+    intersect already, and if one of them intersects nothing afterwards, a PerturbationError reports it.
 
     Examples
     --------
@@ -86,28 +88,35 @@ class SelfIntersections(Perturbation):
         if len(vertices) < self.amount:
             raise PerturbationError(
                 f"self_intersections: {self.amount:g} bumps were requested, but only {len(vertices)} were found that "
-                f"reach an opposite side within {self.thickness:g} of the bounding-box diagonal and do not overlap; "
-                "lower amount or radius, or raise thickness"
+                f"reach an opposite side within {self.thickness:g} of the bounding-box diagonal and touch neither each "
+                "other nor faces that intersect already; lower amount or radius, or raise thickness"
             )
         return {"vertices": np.array(vertices, dtype=np.int64), "depths": np.array(depths)}
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
         diagonal = LENGTHS["bounding_box_diagonal"](mesh)
-        normals = vertex_normals(mesh)
+        normals, graph = vertex_normals(mesh), edge_graph(mesh).tocsr()
         displacement = np.zeros(mesh.vertices.shape)
-        graph = edge_graph(mesh).tocsr()
+        bumps = []
         for vertex, depth in zip(parameters["vertices"], parameters["depths"], strict=True):
-            fall_off = np.maximum(1 - (_distances(graph, vertex, self.radius * diagonal)) ** 2, 0) ** 2
+            fall_off = np.maximum(1 - _distances(graph, vertex, self.radius * diagonal) ** 2, 0) ** 2
             displacement -= fall_off[:, None] * (depth + self.protrusion) * diagonal * normals[vertex]
+            bumps.append(fall_off > 0)
         result, counterpart, facts = deform(self, mesh, displacement)
-        before, after = _count_intersecting(mesh), _count_intersecting(result)
-        if self.amount > 0 and after <= before:
+        intersecting = _intersecting_faces(result)
+        without = sum(not intersecting[bump[mesh.faces].any(axis=1)].any() for bump in bumps)
+        if without:
             raise PerturbationError(
-                f"self_intersections: {self.amount:g} bumps would not make more faces intersect than the {before} that "
-                "do; raise protrusion or radius"
+                f"self_intersections: {without} of {len(bumps)} bumps would not intersect the surface; raise "
+                "protrusion or radius"
             )
         return self.finish(
-            mesh, result, counterpart, intersecting_faces_before=before, intersecting_faces=after, **facts
+            mesh,
+            result,
+            counterpart,
+            intersecting_faces_before=int(np.count_nonzero(_intersecting_faces(mesh))),
+            intersecting_faces=int(np.count_nonzero(intersecting)),
+            **facts,
         )
 
     def _tips(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> tuple[list[int], list[float]]:
@@ -118,12 +127,12 @@ class SelfIntersections(Perturbation):
         solid = ~is_degenerate(vertices, faces)
         normals, graph = vertex_normals(mesh), edge_graph(mesh).tocsr()
         area = np.where(normals.any(axis=1), vertex_areas(mesh), 0)
-        taken = np.zeros(len(vertices), dtype=bool)  # by bumps so far
+        taken = np.zeros(len(vertices), dtype=bool)  # by bumps so far, and by faces that intersect already
+        taken[faces[_intersecting_faces(mesh)]] = True
         tips: list[int] = []
         depths: list[float] = []
-        for vertex in rng.choice(len(area), np.count_nonzero(area), replace=False, p=area / area.sum()):
-            if taken[vertex]:
-                continue
+        tries = min(int(self.amount) * TRIES_PER_BUMP, np.count_nonzero(area))
+        for vertex in rng.choice(len(area), tries, replace=False, p=area / area.sum()) if tries else []:
             own = _distances(graph, vertex, self.radius * diagonal) < 1
             if taken[own].any():
                 continue
@@ -163,12 +172,12 @@ def _first_hit(corners: np.ndarray, origin: np.ndarray, direction: np.ndarray) -
     return float(distance[met].min(initial=np.inf))
 
 
-def _count_intersecting(mesh: trimesh.Trimesh) -> int:
-    """The number of faces that intersect another one, apart from common edges and corners."""
+def _intersecting_faces(mesh: trimesh.Trimesh) -> np.ndarray:
+    """(m,) bool: the faces that intersect another one, apart from common edges and corners."""
     import pymeshlab
 
     meshes = pymeshlab.MeshSet()
     vertices = (np.asarray(mesh.vertices) - mesh.bounds[0]) / LENGTHS["bounding_box_diagonal"](mesh)
     meshes.add_mesh(pymeshlab.Mesh(vertices, np.asarray(mesh.faces)))
     meshes.compute_selection_by_self_intersections_per_face()
-    return int(meshes.current_mesh().selected_face_number())
+    return meshes.current_mesh().face_selection_array()

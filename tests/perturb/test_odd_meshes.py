@@ -40,11 +40,11 @@ PERTURBATIONS = [
 ]
 
 FEW_TUBES = ("short_circuits", "3 tubes were requested, but only 0 were found")
-NO_BUMPS = ("self_intersections", "2 bumps were requested, but only 0 were found")
-ALREADY_INTERSECTING = ("self_intersections", "would not make more faces intersect than the 2560 that do")
+NO_BUMPS = ("self_intersections", "2 bumps were requested, but only [01] were found")
 REFUSED = {
-    "two-sided": [ALREADY_INTERSECTING],
-    "two-sided and mixed": [ALREADY_INTERSECTING],
+    "two-sided": [NO_BUMPS],
+    "two-sided and mixed": [NO_BUMPS],
+    "duplicate faces": [NO_BUMPS],
     "soup": [("short_circuits", "only 0 were found .* a strip .* vertex without a face")],
     "far speck": [FEW_TUBES, NO_BUMPS],
     "far spike": [
@@ -62,7 +62,7 @@ REFUSED = {
         ("tessellation", "2 times the faces were requested, but 2.31 times reached"),
         ("sampling", "a ratio of densities of 4 was requested, but 1.84 reached"),
     ],
-    "Möbius strip": [FEW_TUBES],
+    "Möbius strip": [FEW_TUBES, NO_BUMPS],
 }
 """The perturbations that are impossible on a mesh, and why."""
 
@@ -96,12 +96,29 @@ def result_or_refusal(perturbation, mesh):
         return str(error)
 
 
+def is_slow(perturbation, label):
+    """Sampling takes longest; on most of the meshes it does what tessellation does."""
+    different = ("split along a seam", "specks", "unreferenced vertices", "open", *REFUSED)
+    return perturbation.name == "sampling" and label not in different
+
+
+CASES = [
+    pytest.param(
+        perturbation,
+        label,
+        id=f"{perturbation!r}-{label}",
+        marks=[pytest.mark.slow] if is_slow(perturbation, label) else [],
+    )
+    for perturbation in PERTURBATIONS
+    for label in odd()
+]
+
+
 def ellipsoid_normals():
     return normals(trimesh.Trimesh(*ellipsoid(), process=False))
 
 
-@pytest.mark.parametrize("label", odd())
-@pytest.mark.parametrize("perturbation", PERTURBATIONS, ids=repr)
+@pytest.mark.parametrize(("perturbation", "label"), CASES)
 def test_a_perturbation_changes_an_odd_mesh_or_says_why_it_cannot(perturbation, label):
     mesh = odd()[label]
     refusals = [message for name, message in REFUSED.get(label, []) if name == perturbation.name]

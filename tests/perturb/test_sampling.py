@@ -6,6 +6,7 @@ import trimesh
 
 import perturb
 from perturb import PerturbationError
+from perturb.testing import check_perturbation, default_meshes
 from tests.helpers.meshes import bundled
 from tests.helpers.perturbing import rng
 
@@ -26,6 +27,10 @@ def uneven(sphere):
 @pytest.fixture(scope="module")
 def cow():
     return perturb.Sampling(8)(bundled("cow"), rng())
+
+
+def test_it_conforms_on_a_mesh_with_a_boundary_several_components_and_a_loose_vertex():
+    check_perturbation(perturb.Sampling(4), {"torn pipe": default_meshes()["torn pipe"]})
 
 
 def test_the_density_falls_exponentially_along_the_direction(uneven):

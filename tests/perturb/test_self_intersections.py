@@ -70,10 +70,17 @@ def test_the_tip_comes_out_by_the_protrusion(mesh, result):
         assert np.linalg.norm(end - start) == pytest.approx(depth + 0.03 * diagonal, rel=1e-6)
 
 
-@pytest.mark.parametrize("amount", [1, 4, 8])
-def test_more_bumps_make_more_faces_of_a_real_mesh_intersect(amount):
-    applied = perturb.SelfIntersections(amount)(bundled("bone"), rng()).applied
-    assert applied["intersecting_faces"] - applied["intersecting_faces_before"] > 5 * amount
+@pytest.mark.parametrize("name", ["bone", "cow"])  # without self-intersections, and with some
+def test_every_bump_of_a_real_mesh_makes_more_faces_intersect(name):
+    for amount in (1, 4, 8):
+        applied = perturb.SelfIntersections(amount)(bundled(name), rng()).applied
+        assert applied["intersecting_faces"] - applied["intersecting_faces_before"] >= 5 * amount
+
+
+def test_bumps_that_intersect_nothing_are_refused(mesh):
+    inwards = {"vertices": np.array([0]), "depths": np.array([0.01])}
+    with pytest.raises(PerturbationError, match="1 of 1 bumps would not intersect the surface"):
+        perturb.SelfIntersections(1, radius=0.1, protrusion=0.01).apply(mesh, inwards)
 
 
 def test_more_bumps_than_fit_are_refused(mesh):
