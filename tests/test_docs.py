@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -129,6 +130,21 @@ def test_every_study_of_the_paper_is_on_its_page():
     assert {study for names in named for study in names.split(",")} | set(
         re.findall(r"`(\w+)`", TEXT["docs/paper.md"])
     ) >= set(PAPER["studies"])
+
+
+@pytest.fixture
+def gallery(monkeypatch):
+    """The module that draws docs/gallery.md."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    return import_module("gallery")
+
+
+def test_the_gallery_shows_every_perturbation_of_today(gallery):
+    again = "run python docs/gallery.py, or with the names of what is new"
+    assert TEXT["docs/gallery.md"] == gallery.page(), again
+    pictures = {path.stem: path.stat().st_size for path in gallery.PICTURES.glob("*.png")}
+    assert sorted(pictures) == sorted(gallery.shown()), again
+    assert max(pictures.values()) <= gallery.LARGEST
 
 
 def test_versions_agree():
