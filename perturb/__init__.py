@@ -1,4 +1,4 @@
-"""Perturbations of triangle meshes: noise, holes, short circuits, decimation, scaling, missing parts, tessellation.
+"""Perturbations of triangle meshes: of their geometry, their topology and their triangles.
 
 Notes
 -----
@@ -41,29 +41,47 @@ from perturb.perturbation import (
 from perturb.perturbation import shipped_classes as _shipped_classes
 
 if TYPE_CHECKING:
+    from perturb.affine import Affine
+    from perturb.bending import Bending
     from perturb.decimation import Decimation
     from perturb.holes import Holes
+    from perturb.local_scale import LocalScale
     from perturb.missing_parts import MissingParts
     from perturb.normal_noise import NormalNoise
+    from perturb.renumbering import Renumbering
+    from perturb.rotation import Rotation
+    from perturb.sampling import Sampling
     from perturb.scaling import Scaling
+    from perturb.self_intersections import SelfIntersections
     from perturb.short_circuits import ShortCircuits
     from perturb.shot_noise import ShotNoise
+    from perturb.smoothing import Smoothing
     from perturb.tessellation import Tessellation
+    from perturb.translation import Translation
 
 __all__ = [
     "LENGTHS",
+    "Affine",
+    "Bending",
     "Decimation",
     "Holes",
+    "LocalScale",
     "MissingParts",
     "NormalNoise",
     "Parameters",
     "Perturbation",
     "PerturbationError",
     "Perturbed",
+    "Renumbering",
+    "Rotation",
+    "Sampling",
     "Scaling",
+    "SelfIntersections",
     "ShortCircuits",
     "ShotNoise",
+    "Smoothing",
     "Tessellation",
+    "Translation",
     "as_trimesh",
     "edge_graph",
     "get",

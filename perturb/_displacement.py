@@ -1,21 +1,29 @@
-"""Displacement of vertices along their normals, and what it really was."""
+"""Displacement of vertices, and what it really was."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from perturb.meshes import moved, size_exponent
+from perturb.meshes import LENGTHS, moved, size_exponent
 from perturb.perturbation import PerturbationError
 
 if TYPE_CHECKING:
     import trimesh
 
-    from perturb.perturbation import Scalar
+    from perturb.perturbation import Perturbation, Scalar
 
 MAX_SHARE_WITHOUT_NORMAL = 0.01  # of the vertices with faces
 MAX_ROUNDING = 0.01  # of the requested displacement, as root mean squares
+
+
+class MoveFacts(TypedDict):
+    """What a displacement of vertices really was, in the mesh's own unit."""
+
+    vertices_moved: int
+    largest_displacement: float
+    rms_displacement: float
 
 
 def require_normals(normals: np.ndarray, mesh: trimesh.Trimesh, name: str) -> None:
@@ -57,15 +65,50 @@ def displace(
     PerturbationError
         If the coordinates are so large that rounding them changes the displacement by more than MAX_ROUNDING.
     """
-    requested = lengths[:, None] * normals
+    result, counterpart, facts = move(mesh, lengths[:, None] * normals, name)
+    return result, counterpart, {**facts, "vertices_without_normal": int(np.count_nonzero(~normals.any(axis=1)))}
+
+
+def deform(
+    perturbation: Perturbation, mesh: trimesh.Trimesh, displacement: np.ndarray
+) -> tuple[trimesh.Trimesh, np.ndarray, dict[str, Scalar]]:
+    """Move vertices by (n, 3) displacements, in the mesh's own unit, with facts as shares of the diagonal.
+
+    Raises
+    ------
+    PerturbationError
+        If no vertex moves although the amount is not the neutral one, or as for `displace`.
+    """
+    result, counterpart, facts = move(mesh, displacement, perturbation.name)
+    if facts["vertices_moved"] == 0 and perturbation.amount != perturbation.neutral:
+        raise PerturbationError(
+            f"{perturbation.name}, {perturbation.amount:g} {perturbation.unit}: no vertex would move; choose a larger "
+            "amount"
+        )
+    diagonal = LENGTHS["bounding_box_diagonal"](mesh)
+    return (
+        result,
+        counterpart,
+        {
+            "vertices_moved": facts["vertices_moved"],
+            "largest_displacement_over_diagonal": facts["largest_displacement"] / diagonal,
+            "rms_displacement_over_diagonal": facts["rms_displacement"] / diagonal,
+        },
+    )
+
+
+def move(mesh: trimesh.Trimesh, requested: np.ndarray, name: str) -> tuple[trimesh.Trimesh, np.ndarray, MoveFacts]:
+    """Add (n, 3) displacements to the vertices; facts measured on the result, and errors as for `displace`."""
     result, counterpart = moved(mesh, requested)
     actual = np.asarray(result.vertices) - np.asarray(mesh.vertices)
     exponent = size_exponent(mesh)  # so that squares neither overflow nor underflow
     distance = np.linalg.norm(np.ldexp(actual, -exponent), axis=1)
     off = np.ldexp(actual - requested, -exponent)
-    if np.sqrt((off**2).sum()) > MAX_ROUNDING * np.sqrt((np.ldexp(requested, -exponent) ** 2).sum()):
+    asked = np.ldexp(requested, -exponent)
+    if np.sqrt((off**2).sum()) > MAX_ROUNDING * np.sqrt((asked**2).sum()):
+        largest = np.ldexp(np.linalg.norm(asked, axis=1).max(), exponent)
         raise PerturbationError(
-            f"{name}: displacements of up to {np.abs(lengths).max():.3g} are lost in the rounding of coordinates of up "
+            f"{name}: displacements of up to {largest:.3g} are lost in the rounding of coordinates of up "
             f"to {np.abs(mesh.vertices).max():.3g}; choose a larger amount, or move the mesh to the origin"
         )
     moving = distance[distance > 0]
@@ -76,6 +119,5 @@ def displace(
             "vertices_moved": len(moving),
             "largest_displacement": float(np.ldexp(moving.max(initial=0.0), exponent)),
             "rms_displacement": float(np.ldexp(np.sqrt((moving**2).mean()), exponent)) if len(moving) else 0.0,
-            "vertices_without_normal": int(np.count_nonzero(~normals.any(axis=1))),
         },
     )

@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb._welding import Packing, count_coincident, find_parts, separate_coincident
+from perturb._remeshing import closest_points, nearest_corners, remesh_isotropically, require_even_size
+from perturb._welding import Packing, count_coincident, find_parts
 from perturb.meshes import as_trimesh, random_direction
 from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
 
 if TYPE_CHECKING:
     import trimesh
-
-
-MAX_SIZE_OVER_EDGE = 1e6  # ordinary meshes have less than 1e3
 
 
 @dataclass(frozen=True)
@@ -136,7 +134,7 @@ class Tessellation(Perturbation):
         used = np.unique(faces)
         counterpart = np.full(len(vertices), -1)
         packing = Packing(vertices, faces, part)
-        counterpart[used] = _nearest_corners(
+        counterpart[used] = nearest_corners(
             packing.pack(new_vertices, new_part), new_faces, packing.pack(vertices[used], part[used])
         )
         return as_trimesh(new_vertices * size + corner, new_faces), counterpart
@@ -149,11 +147,13 @@ class Tessellation(Perturbation):
 
         warped = self._warp(vertices, np.unique(faces), parameters)
         warped = Packing(warped, faces, part).pack(warped, part)
-        _require_even_size(warped, faces)
+        require_even_size(warped, faces, self.name)
         n_target = self.amount * len(faces)
         length = np.sqrt(area(warped[faces]).sum() / n_target * 4 / np.sqrt(3))  # of equilateral triangles
         for _ in range(self.MAX_TRIES):
-            new_vertices, new_faces = self._remesh_isotropically(warped, faces, length)
+            new_vertices, new_faces = remesh_isotropically(
+                warped, faces, length, iterations=self.ITERATIONS, sharp_angle=self.SHARP_ANGLE
+            )
             ratio = len(new_faces) / n_target
             if abs(ratio - 1) <= self.TOLERANCE:
                 break
@@ -165,7 +165,7 @@ class Tessellation(Perturbation):
                 f"tessellation: {self.amount:g} times the faces were requested, but {ratio * self.amount:.3g} times "
                 f"reached, preserving edges sharper than {self.SHARP_ANGLE:g} degrees{apart}; choose a larger amount"
             )
-        triangle, weights = _closest_points(warped, faces, new_vertices)
+        triangle, weights = closest_points(warped, faces, new_vertices)
         return np.einsum("ij,ijk->ik", weights, vertices[faces[triangle]]), new_faces, part[faces[triangle, 0]]
 
     def _warp(self, vertices: np.ndarray, used: np.ndarray, parameters: Parameters) -> np.ndarray:
@@ -197,75 +197,3 @@ class Tessellation(Perturbation):
         centre = top + nearest * direction
         offset = vertices - centre
         return centre + offset * nearest**2 / np.sum(offset**2, axis=1, keepdims=True)
-
-    def _remesh_isotropically(
-        self, vertices: np.ndarray, faces: np.ndarray, length: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return vertices and faces of a mesh with edges of about that length."""
-        import pymeshlab
-
-        meshes = pymeshlab.MeshSet()
-        meshes.add_mesh(pymeshlab.Mesh(separate_coincident(vertices, faces), faces))
-        meshes.meshing_remove_unreferenced_vertices()
-        # Every option is given, because pymeshlab remembers those of an earlier call.
-        meshes.meshing_isotropic_explicit_remeshing(
-            iterations=self.ITERATIONS,
-            adaptive=False,
-            selectedonly=False,
-            targetlen=pymeshlab.PureValue(length),
-            featuredeg=self.SHARP_ANGLE,
-            checksurfdist=True,
-            maxsurfdist=pymeshlab.PureValue(length / 4),
-            splitflag=True,
-            collapseflag=True,
-            swapflag=True,
-            smoothflag=True,
-            reprojectflag=True,
-        )
-        remeshed = meshes.current_mesh()
-        return remeshed.vertex_matrix(), remeshed.face_matrix().astype(np.int64)
-
-
-def _require_even_size(vertices: np.ndarray, faces: np.ndarray) -> None:
-    """Raise PerturbationError for a shape next to which its own triangles are so small that MeshLab would not end."""
-    edges = np.linalg.norm(vertices[faces] - vertices[np.roll(faces, -1, axis=1)], axis=2)
-    ratio = np.ptp(vertices[faces], axis=(0, 1)).max() / max(np.median(edges), np.finfo(float).tiny)
-    if ratio > MAX_SIZE_OVER_EDGE:
-        raise PerturbationError(
-            f"tessellation: a component is {ratio:.2g} times as large as the median edge is long, possibly because of "
-            "a vertex far away; remove it"
-        )
-
-
-def _closest_points(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(k,) the triangle closest to each of (k, 3) points, and (k, 3) barycentric coordinates of the closest point."""
-    import pymeshlab
-
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
-    meshes.add_mesh(pymeshlab.Mesh(points))
-    # Every option is given, because pymeshlab remembers those of an earlier call.
-    meshes.transfer_attributes_per_vertex(
-        sourcemesh=0,
-        targetmesh=1,
-        vertexsampling=False,
-        geomtransfer=False,
-        normaltransfer=False,
-        colortransfer=False,
-        qualitytransfer=False,
-        selectiontransfer=False,
-        qualitydistance=False,
-        savebarycentric=True,
-        upperbound=pymeshlab.PureValue(10.0),  # beyond any distance in a box of size 1
-        onselected=False,
-    )
-    found = meshes.mesh(1)
-    triangle = found.vertex_custom_scalar_attribute_array("NearestFaceIndex").ravel().astype(np.int64)
-    return triangle, found.vertex_custom_point_attribute_matrix("BarycentricCoords")
-
-
-def _nearest_corners(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(k,) for each of (k, 3) points the nearest corner of the triangle closest to it."""
-    corners = faces[_closest_points(vertices, faces, points)[0]]
-    distance = np.linalg.norm(vertices[corners] - points[:, None], axis=2)
-    return np.take_along_axis(corners, distance.argmin(axis=1)[:, None], axis=1)[:, 0]

@@ -4,6 +4,7 @@ import itertools
 import re
 import shlex
 import shutil
+from importlib import import_module
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -30,7 +31,7 @@ SNIPPETS = [
     for number, block in enumerate(blocks(text))
     if block.language == "python" and not block.title
 ]
-STUDIES = sorted({path.stem for path in (Path(conf.__file__).parent / "study").glob("*.yaml")} - {"custom"})
+PAPER = yaml.safe_load((Path(conf.__file__).parent / "paper" / "heat_walk_2011.yaml").read_text(encoding="utf-8"))
 
 
 @pytest.fixture
@@ -122,7 +123,22 @@ def test_every_study_of_the_paper_is_on_its_page():
     named = {word for command in commands(TEXT["docs/paper.md"]) for word in re.findall(r"\+study=([\w,]+)", command)}
     assert {study for names in named for study in names.split(",")} | set(
         re.findall(r"`(\w+)`", TEXT["docs/paper.md"])
-    ) >= set(STUDIES)
+    ) >= set(PAPER["studies"])
+
+
+@pytest.fixture
+def gallery(monkeypatch):
+    """The module that draws docs/gallery.md."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    return import_module("gallery")
+
+
+def test_the_gallery_shows_every_perturbation_of_today(gallery):
+    again = "run python docs/gallery.py, or with the names of what is new"
+    assert TEXT["docs/gallery.md"] == gallery.page(), again
+    pictures = {path.stem: path.stat().st_size for path in gallery.PICTURES.glob("*.png")}
+    assert sorted(pictures) == sorted(gallery.shown()), again
+    assert max(pictures.values()) <= gallery.LARGEST
 
 
 def test_versions_agree():

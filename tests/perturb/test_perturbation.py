@@ -42,6 +42,7 @@ EXAMPLES = [
     perturb.Tessellation(4.0, method="subdivision"),
     perturb.Tessellation(2.0, method="anisotropic"),
     perturb.Tessellation(2.0, method="irregular"),
+    perturb.SelfIntersections(2, thickness=0.5),
 ]
 DETERMINISTIC = (perturb.Decimation, perturb.Scaling)
 RANDOM = [
@@ -52,6 +53,7 @@ RANDOM = [
 SHIPPED = sorted({example.name for example in EXAMPLES})
 # A perturbation that is added to the package is checked without being listed here.
 ADDED = [perturb.get(name)() for name in perturb.names() if name not in SHIPPED]
+LONGER = ("sampling",)  # takes several seconds; its own tests run the suite on one mesh
 every_example = pytest.mark.parametrize("perturbation", EXAMPLES, ids=repr)
 CONFIGS = sorted((Path(__file__).parents[2] / "conf" / "perturbation").glob("*.yaml"))
 
@@ -88,6 +90,7 @@ def test_every_shipped_perturbation_has_an_example():
         "missing_parts",
         "normal_noise",
         "scaling",
+        "self_intersections",
         "short_circuits",
         "shot_noise",
         "tessellation",
@@ -101,11 +104,17 @@ def test_get_returns_the_class_of_that_name(name):
 
 
 def test_an_unknown_name_is_answered_with_the_registered_ones():
-    with pytest.raises(PerturbationError, match=r"'hole'.*decimation, holes, missing_parts"):
+    with pytest.raises(PerturbationError, match=r"'hole'.*decimation, .*holes, .*missing_parts"):
         perturb.get("hole")
 
 
-@pytest.mark.parametrize("perturbation", EXAMPLES + ADDED, ids=repr)
+@pytest.mark.parametrize(
+    "perturbation",
+    [
+        pytest.param(example, id=repr(example), marks=[pytest.mark.slow] if example.name in LONGER else [])
+        for example in EXAMPLES + ADDED
+    ],
+)
 def test_every_perturbation_conforms_on_the_meshes_of_the_suite(perturbation):
     check_perturbation(perturbation)
 
