@@ -1,4 +1,4 @@
-"""Perturbations of triangle meshes: noise, holes, short circuits, decimation, scaling, missing parts, tessellation.
+"""Perturbations of triangle meshes: of positions and triangles, of the topology, by scanners, by files.
 
 Notes
 -----
@@ -41,29 +41,51 @@ from perturb.perturbation import (
 from perturb.perturbation import shipped_classes as _shipped_classes
 
 if TYPE_CHECKING:
+    from perturb.composite import Composite
     from perturb.decimation import Decimation
+    from perturb.duplicates import Duplicates
+    from perturb.flipped import Flipped
+    from perturb.floaters import Floaters
     from perturb.holes import Holes
+    from perturb.micro_holes import MicroHoles
     from perturb.missing_parts import MissingParts
     from perturb.normal_noise import NormalNoise
+    from perturb.quantisation import Quantisation
+    from perturb.rasterisation import Rasterisation
     from perturb.scaling import Scaling
     from perturb.short_circuits import ShortCircuits
     from perturb.shot_noise import ShotNoise
+    from perturb.slivers import Slivers
     from perturb.tessellation import Tessellation
+    from perturb.unwelded import Unwelded
+    from perturb.view import View
+    from perturb.welding import Welding
 
 __all__ = [
     "LENGTHS",
+    "Composite",
     "Decimation",
+    "Duplicates",
+    "Flipped",
+    "Floaters",
     "Holes",
+    "MicroHoles",
     "MissingParts",
     "NormalNoise",
     "Parameters",
     "Perturbation",
     "PerturbationError",
     "Perturbed",
+    "Quantisation",
+    "Rasterisation",
     "Scaling",
     "ShortCircuits",
     "ShotNoise",
+    "Slivers",
     "Tessellation",
+    "Unwelded",
+    "View",
+    "Welding",
     "as_trimesh",
     "edge_graph",
     "get",
