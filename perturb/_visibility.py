@@ -21,8 +21,8 @@ def mark_visible(
 ) -> None:  # fmt: skip
     """Mark those of the candidate faces (m,) bool that are visible in `seen` (m,) bool.
 
-    The rays are at the centres of pixels. `pixels` (n, 2) are the vertices in the image, `nearness` (n,) is 1 over their
-    depth, which is linear in the image; the array `nearest` (rows, columns) is overwritten with that along each ray.
+    The rays are at the centres of pixels. `pixels` (n, 2) are the vertices in the image, and `nearness` (n,) is 1 over
+    their depth, which is linear in the image; `nearest` (rows, columns) is overwritten with the largest along each ray.
     """
     nearest[:] = 0.0
     for f in range(len(faces)):
@@ -73,6 +73,6 @@ def _is_in_front(pixels: np.ndarray, nearness: np.ndarray, face: np.ndarray, nea
         x += pixels[v, 0] / 3.0
         y += pixels[v, 1] / 3.0
         here += nearness[v] / 3.0
-    row = min(max(int(math.floor(y)), 0), nearest.shape[0] - 1)
-    column = min(max(int(math.floor(x)), 0), nearest.shape[1] - 1)
+    row = min(max(math.floor(y), 0), nearest.shape[0] - 1)
+    column = min(max(math.floor(x), 0), nearest.shape[1] - 1)
     return here >= nearest[row, column] * (1.0 - SLACK)

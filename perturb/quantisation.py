@@ -56,7 +56,7 @@ class Quantisation(Perturbation):
 
     amount: float = 10
     unit: str = "bits"
-    weld: bool = False
+    weld: bool = True
 
     name: ClassVar[str] = "quantisation"
     neutral: ClassVar[float] = 53.0

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import trimesh
 
 
+_OVERHANG = 0.25  # voxels, from the centre of an outermost voxel to the surface; 0.5 would make shapes swell more
 _MAX_HALVINGS = 20  # of an edge, until it is shorter than half a voxel; an edge has at most 887 voxels
 
 
@@ -33,7 +34,8 @@ class Rasterisation(Perturbation):
     The grid is parallel to the axes, at a random offset. A voxel is filled if the surface passes through it, or if it
     is enclosed by such voxels: windings, non-manifold edges, cracks and holes smaller than a voxel do not matter. Of an
     open surface remains a sheet, one voxel thick, with two sides. Parts less than a voxel apart grow together, and
-    cavities are filled. On average the surface lies half a voxel outside of the former one.
+    cavities are filled. The surface is a quarter of a voxel away from the centres of the outermost voxels, and on
+    average as far outside of the former one.
 
     The counterpart of a vertex is the nearest vertex of the new surface; a vertex farther away from it than FARTHEST
     voxels, for example that of a cavity, and one without faces, have none.
@@ -101,8 +103,7 @@ class Rasterisation(Perturbation):
         side = np.ptp(vertices, axis=0).max()
         if side > self.MAX_SIDE:
             raise PerturbationError(
-                f"rasterisation: the bounding box is {side:.4g} voxels long, more than {self.MAX_SIDE}; choose a larger "
-                "amount"
+                f"rasterisation: the bounding box is {side:.4g} voxels long, more than {self.MAX_SIDE}; raise amount"
             )
 
 
@@ -118,7 +119,8 @@ def _surface_of(filled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices and faces of the surface around voxels, with the centre of the first at the origin."""
     from skimage.measure import marching_cubes
 
-    vertices, faces, _, _ = marching_cubes(np.pad(filled, 1).astype(np.float32), 0.5, gradient_direction="ascent")
+    volume = np.pad(filled, 1).astype(np.float32)
+    vertices, faces, _, _ = marching_cubes(volume, 1 - _OVERHANG, gradient_direction="ascent")
     return vertices.astype(np.float64) - 1, faces.astype(np.int64)
 
 

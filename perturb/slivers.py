@@ -120,9 +120,10 @@ class Slivers(Perturbation):
 
 
 def _divide_at_edges(faces: np.ndarray, edges: np.ndarray, n_vertices: int) -> np.ndarray:
-    """(p, 3) the faces, divided where a vertex is inserted on one of their edges; number i, n_vertices + i, on edges[i].
+    """(p, 3) the faces, divided where a vertex is inserted on one of their edges.
 
-    In a face a, b, c the new vertices on the edges from a, b and c are p, q and r.
+    The vertex on ``edges[i]`` is ``n_vertices + i``. In a face a, b, c the new vertices on the edges from a, b and c
+    are p, q and r.
     """
     key = edges.min(axis=1) * n_vertices + edges.max(axis=1)
     order = np.argsort(key)

@@ -74,8 +74,8 @@ def check_perturbation(
     - The result is a mesh with finite coordinates and valid faces.
     - `counterpart` has one int64 per original vertex: an index into the result, or -1. No two vertices have the same
       counterpart, unless ``applied["counterpart_by"]`` specifies how counterparts were found.
-    - `applied` survives JSON and contains the name, all fields that are numbers or text, and the numbers of vertices and
-      faces.
+    - `applied` survives JSON and contains the name, all fields that are numbers or text, and the numbers of vertices
+      and faces.
 
     Examples
     --------

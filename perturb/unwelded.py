@@ -65,7 +65,8 @@ class Unwelded(Perturbation):
         loose = np.zeros(len(faces), dtype=bool)
         loose[parameters["faces"]] = True
         used, first = np.unique(faces[loose], return_index=True)
-        own = np.zeros(3 * np.count_nonzero(loose), dtype=bool)  # corners that keep their vertex, which no other face has
+        # Corners that keep their vertex, because no other face has it.
+        own = np.zeros(3 * np.count_nonzero(loose), dtype=bool)
         own[first[~np.isin(used, faces[~loose])]] = True
         corners = faces[loose].ravel()
         copied = corners[~own]

@@ -157,8 +157,8 @@ class View(Perturbation):
         per_diagonal = 1 / max(np.median(edges), np.finfo(float).tiny)
         if per_diagonal > self.MAX_RAYS:
             raise PerturbationError(
-                f"view: the bounding-box diagonal is {per_diagonal:.2g} times the median edge length, so a scanner sees "
-                "no details, possibly because of a vertex far away; remove it"
+                f"view: the bounding-box diagonal is {per_diagonal:.2g} times the median edge length, so a scanner "
+                "sees no details, possibly because of a vertex far away; remove it"
             )
         return int(np.ceil(min(self.RAYS_PER_EDGE * per_diagonal, self.MAX_RAYS)))
 

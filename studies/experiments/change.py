@@ -213,10 +213,18 @@ class Part:
     def recipe(self, perturbation: perturb.Perturbation) -> dict[str, Any]:
         """What determines the perturbation, but for its level: class, options, and version or code."""
         options = {**(self.perturbation or {}), self.swept: None}
-        if not str(options["_target_"]).startswith("perturb."):
-            return {**options, "code": digest_of_code(type(perturbation))}
-        # The first version is not recorded: trials had been stored before there were others.
-        return options if perturbation.version == 1 else {**options, "version": perturbation.version}
+        return options | _definition(perturbation, str(options["_target_"]))
+
+
+def _definition(perturbation: perturb.Perturbation, target: str) -> dict[str, Any]:
+    """The version of a perturbation of this project, the code of another one; and those of the steps, if it has any."""
+    if not target.startswith("perturb."):
+        return {"code": digest_of_code(type(perturbation))}
+    # The first version is not recorded: trials had been stored before there were others.
+    own = {} if perturbation.version == 1 else {"version": perturbation.version}
+    if not isinstance(perturbation, perturb.Composite):
+        return own
+    return own | {"code_of_steps": [_definition(step, f"{type(step).__module__}.") for step in perturbation.steps]}
 
 
 def _checked_levels(name: str, levels: Any) -> Sequence[float]:
