@@ -47,8 +47,11 @@ def compute_vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarra
 def distinct_faces(faces: np.ndarray) -> np.ndarray:
     """(k,) indices, ascending, of the faces with three different corners; of those with the same three, the first."""
     proper = np.flatnonzero(~has_repeated_corner(faces))
-    _, first = np.unique(np.sort(faces[proper], axis=1), axis=0, return_index=True)
-    return proper[np.sort(first)]
+    corners = np.sort(faces[proper], axis=1)
+    order = np.lexsort(corners.T)  # stable: of equal faces the first comes first
+    is_first = np.ones(len(order), dtype=bool)
+    is_first[order[1:]] = (np.diff(corners[order], axis=0) != 0).any(axis=1)
+    return proper[is_first]
 
 
 def has_repeated_corner(faces: np.ndarray) -> np.ndarray:
@@ -105,13 +108,20 @@ def _local_triangles(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarra
     box = (used - low) / max((used.max(axis=(0, 1)) - low).max(), np.finfo(float).tiny)
     # Coordinates in the box have lost the digits that a small face consists of.
     exact = used - used[:, :1]
-    triangles = np.where((np.ptp(box, axis=1).max(axis=1) < SMALL)[:, None, None], exact, box)
-    size = np.ptp(triangles, axis=1).max(axis=1)
-    triangles = np.ldexp(triangles, -np.frexp(size)[1][:, None, None])
-    extent = np.ptp(exact, axis=1).max(axis=1)
+    triangles = np.where((_extents(box) < SMALL)[:, None, None], exact, box)
+    triangles = np.ldexp(triangles, -np.frexp(_extents(triangles))[1][:, None, None])
+    extent = _extents(exact)
     spacing = np.spacing(np.abs(used).max(axis=(1, 2)))
     rounding = 4 * np.divide(spacing, extent, out=np.full(len(faces), np.inf), where=extent > 0)
     return triangles, rounding
+
+
+def _extents(triangles: np.ndarray) -> np.ndarray:
+    """(m,) the longest side of the bounding box of each triangle (m, 3, 3)."""
+    # np.ptp, along an axis of length 3, takes five times as long.
+    first, second, third = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    x, y, z = (np.maximum(np.maximum(first, second), third) - np.minimum(np.minimum(first, second), third)).T
+    return np.maximum(np.maximum(x, y), z)
 
 
 def _angles_by_arctan(triangles: np.ndarray) -> np.ndarray:

@@ -1,13 +1,16 @@
 """The Princeton benchmark and TOSCA for the tests, where they are at hand."""
 
 import os
+import shutil
 import signal
+import tempfile
 import zipfile
 
 import pytest
 import threadpoolctl
 import trimesh
 
+from studies.datasets.cache import FOLDER_VARIABLE
 from tests.helpers.meshes import DATA
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -16,11 +19,22 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_configure(config):
-    """One BLAS thread per process of pytest-xdist: the waiting threads of several processes would spin."""
+    """A cache of computed meshes for this run alone, and one BLAS thread per process of pytest-xdist.
+
+    The waiting threads of several processes would spin.
+    """
+    if not hasattr(config, "workerinput"):
+        config.mesh_cache = os.environ[FOLDER_VARIABLE] = tempfile.mkdtemp(prefix="meshes-")
     if "PYTEST_XDIST_WORKER" in os.environ:
         for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
             os.environ.setdefault(variable, "1")  # of libraries that are loaded later, and of child processes
         threadpoolctl.threadpool_limits(1)
+
+
+def pytest_unconfigure(config):
+    """The cache ends with the run."""
+    if hasattr(config, "mesh_cache"):
+        shutil.rmtree(config.mesh_cache, ignore_errors=True)
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from typing import Any, TypeVar, cast
 from numba import njit
 from numba.core import event
 from numba.core.caching import FunctionCache
+from numba.core.runtime import rtsys
 
 # What LLVM may do to sums so that they use the vector registers; infinities and NaNs keep their meaning.
 FAST_MATH = {"reassoc", "contract"}
@@ -20,8 +21,12 @@ class _OptionalCache(FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled function for a signature, or None."""
+        # Compiled code needs numba's runtime. The base class loads all that the compiler needs too, which takes longer
+        # than to segment a mesh of ten thousand vertices; numba does that itself once there is something to compile.
+        rtsys.initialize(target_context)
         try:
-            return super().load_overload(sig, target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
         except OSError:
             return None
 

@@ -10,11 +10,10 @@ from importlib.metadata import distribution, version
 from pathlib import Path
 
 import numpy as np
-import pymeshlab
-import trimesh
 
 from heatwalk.examples import EXAMPLES
 from heatwalk.io import LoadedMesh, read_mesh
+from studies.datasets.cache import cached_mesh
 from studies.datasets.dataset import Dataset, DatasetError, Model, selected_names
 
 
@@ -72,11 +71,11 @@ RECIPES = {
 
 @dataclass(frozen=True)
 class BundledModel(Model):
-    """The model of one of `RECIPES`. The first `load` in a process takes one to six seconds, later ones none."""
+    """The model of one of `RECIPES`. The first `load` takes one to six seconds; the mesh is then kept on disk."""
 
     def load(self) -> LoadedMesh:
         """The wrapped mesh."""
-        mesh = _prepare(self.name)
+        mesh = _loaded(self.name, self.digest())
         return LoadedMesh(mesh.vertices.copy(), mesh.faces.copy(), mesh.notes)
 
     def digest(self) -> str:
@@ -129,9 +128,25 @@ class Bundled(Dataset):
 
 
 @lru_cache
-def _prepare(name: str) -> LoadedMesh:
-    """The mesh of a recipe, computed once per process."""
-    recipe = RECIPES[name]
+def _loaded(name: str, digest: str) -> LoadedMesh:
+    """The mesh of a recipe, computed or read once per process."""
+    return cached_mesh(digest, lambda: prepare(RECIPES[name]))
+
+
+def prepare(recipe: Recipe) -> LoadedMesh:
+    """Compute the mesh of a recipe.
+
+    Parameters
+    ----------
+    recipe : Recipe
+
+    Returns
+    -------
+    LoadedMesh
+        the wrap; its last note describes the resampling
+    """
+    import pymeshlab  # half a second, which a mesh that is on disk already does not need
+
     packaged = read_mesh(recipe.path)
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(packaged.vertices, packaged.faces))
@@ -141,6 +156,8 @@ def _prepare(name: str) -> LoadedMesh:
     wrap = meshes.current_mesh()
     vertices, faces = wrap.vertex_matrix(), wrap.face_matrix().astype(np.int64)
     if recipe.subdivide:
+        import trimesh
+
         vertices, faces = trimesh.remesh.subdivide_loop(vertices, faces, iterations=1)
     note = (
         f"resampled by an alpha wrap {recipe.offset} % of the diagonal away"

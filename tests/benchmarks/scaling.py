@@ -1,6 +1,6 @@
 """Time and memory of segmentation as functions of the number of vertices, compared with the alternatives.
 
-    python -m tests.benchmarks.scaling [--largest 1000000] [--output results/performance] [--redraw]
+    python -m tests.benchmarks.scaling [--largest 1000000] [--output results/performance] [--solvers | --redraw]
 
 Every measurement runs in its own process with one BLAS thread. Seconds are CPU seconds, the minimum of two to five
 processes: a virtual machine that has returned memory to its host needs seconds per gigabyte to get it back. Both
@@ -381,6 +381,11 @@ def planned(largest):
     return plan
 
 
+def only_solvers(plan):
+    """The measurements of the sparse solvers in a plan."""
+    return {size: solvers for size, names in plan.items() if (solvers := [name for name in names if name in SOLVERS])}
+
+
 def affordable(plan, free):
     """The measurements of a plan that ``free`` bytes are enough for; prints what they take, and what is left out.
 
@@ -399,7 +404,7 @@ def affordable(plan, free):
         if need > free:
             print(f"{size:>9,} {name:<24} left out: takes {need / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free")
     kept = {size: [name for name in names if needs[name, size] <= free] for size, names in plan.items()}
-    kept = {size: names for size, names in kept.items() if {"ours", "scipy_eigsh"} <= {*names}}
+    kept = {size: names for size, names in kept.items() if {"ours", "scipy_eigsh"} <= {*names} or names == [*SOLVERS]}
     if not kept:
         raise SystemExit(f"scaling: error: {free / 1e9:.1f} GB of memory are free, too little for any measurement")
     return kept
@@ -428,9 +433,10 @@ def run(plan):
             if solvers:
                 for name, result in measure_solvers(solvers, vertices, faces, Path(folder)):
                     record(name, size, result)
-        record("import_heatwalk", 0, measure("import_heatwalk", file))
-        record("throughput", 0, throughput(Path(folder)))
-        record("load", 0, {"average": os.getloadavg()[2], "processors": os.cpu_count()})
+        if any("ours" in names for names in plan.values()):
+            record("import_heatwalk", 0, measure("import_heatwalk", file))
+            record("throughput", 0, throughput(Path(folder)))
+            record("load", 0, {"average": os.getloadavg()[2], "processors": os.cpu_count()})
     return results
 
 
@@ -621,7 +627,9 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--largest", type=int, default=SIZES[-1], help="number of vertices of the largest surface")
     parser.add_argument("--output", type=Path, default=Path("results/performance"))
-    parser.add_argument("--redraw", action="store_true", help="measure nothing: tables and plot of the stored results")
+    parts = parser.add_mutually_exclusive_group()
+    parts.add_argument("--solvers", action="store_true", help="the sparse solvers alone; the rest as it is stored")
+    parts.add_argument("--redraw", action="store_true", help="measure nothing: tables and plot of the stored results")
     parser.add_argument("--measure", choices=[*MEASUREMENTS, *SOLVERS], help=argparse.SUPPRESS)
     parser.add_argument("--input", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -630,10 +638,13 @@ if __name__ == "__main__":
     else:
         if arguments.largest < SIZES[0]:
             parser.error(f"--largest must be at least {SIZES[0]:,}, got {arguments.largest:,}")
+        plan = planned(arguments.largest)
         if arguments.redraw:
             results = load(arguments.output)
+        elif arguments.solvers:
+            results = load(arguments.output) | run(affordable(only_solvers(plan), free_memory()))
         else:
-            results = run(affordable(planned(arguments.largest), free_memory()))
+            results = run(affordable(plan, free_memory()))
         write(results, arguments.output)
         for measure_name, target, value, met in targets(results):
             print(f"{'met   ' if met else 'MISSED'} {value:>9.3g} {target:>8}  {measure_name}")

@@ -17,9 +17,9 @@ from studies.datasets.bundled import RECIPES, Bundled
 FINGERPRINT = """
 import hashlib
 import sys
-from studies.datasets.bundled import Bundled
+from studies.datasets.bundled import RECIPES, Bundled, prepare
 [model] = Bundled([sys.argv[1]]).models()
-mesh = model.load()
+mesh = prepare(RECIPES[model.name])
 print(hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest(), model.digest())
 """
 
