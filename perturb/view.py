@@ -39,7 +39,8 @@ class View(Perturbation):
     The positions are a spiral of equal areas around the random direction, so those of a larger amount are among those
     of a smaller one. At each, the scanner sends rays in a regular grid, of RAYS_PER_EDGE rays per median edge length
     where the shape is nearest to average. A face is seen if it is the first (or lies exactly on the first) along one of
-    the rays, from either side. A face that is between the rays is seen if nothing is in front of its centre.
+    the rays, from either side. A face between the rays is seen if its plane is first along the ray nearest to its
+    centre.
 
     Vertices that lose their last face are removed. ``applied["share_of_area_seen"]`` is the share of the surface that
     remains, and ``applied["positions_used"]`` the number of positions. If nothing is in the way of any face, the mesh

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     import trimesh
 
 
+_ROUNDING = 1e-9  # relative; 1.5 times 0.1 is more than 0.15
+
+
 @dataclass(frozen=True)
 class Welding(Perturbation):
     """Merge vertices that are near in space but far apart along the surface, as where parts touch. Deterministic.
@@ -84,7 +87,7 @@ class Welding(Perturbation):
 
     def _require_detour(self, near: float) -> None:
         """Raise PerturbationError if `far` is not far enough for a largest distance in space, in diagonals."""
-        if self.far < self.MIN_DETOUR * near:
+        if self.far < self.MIN_DETOUR * near * (1 - _ROUNDING):
             raise PerturbationError(
                 f"welding: far is {self.far:g} and amount {near:g} bounding-box diagonals; far must be at least "
                 f"{self.MIN_DETOUR:g} times amount, or the vertices are hardly nearer in space than along the surface"

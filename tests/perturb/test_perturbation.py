@@ -240,7 +240,7 @@ def test_the_shipped_config_names_every_field_with_its_default(path):
     config = OmegaConf.load(path)
     perturbation = hydra.utils.instantiate(config)
     assert perturbation == perturb.get(path.stem)()
-    assert set(config) - {"_target_"} == {field.name for field in dataclasses.fields(perturbation)}
+    assert set(config) - {"_target_", "_convert_"} == {field.name for field in dataclasses.fields(perturbation)}
     level = hydra.utils.instantiate(config, amount=perturbation.neutral)
     assert level == dataclasses.replace(perturbation, amount=perturbation.neutral)
 
