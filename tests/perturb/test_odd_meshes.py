@@ -34,7 +34,7 @@ PERTURBATIONS = [
     perturb.Floaters(),
     perturb.MicroHoles(),
     perturb.Quantisation(7),
-    perturb.Rasterisation(0.05),
+    perturb.Rasterisation(0.08),
     perturb.Slivers(),
     perturb.Slivers(0.1, "share_of_faces"),
     perturb.Unwelded(),

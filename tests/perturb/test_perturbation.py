@@ -45,11 +45,11 @@ EXAMPLES = [
     perturb.Floaters(0.02),
     perturb.MicroHoles(0.03),
     perturb.Quantisation(7),
-    perturb.Rasterisation(0.03),
+    perturb.Rasterisation(0.06),
     perturb.Slivers(0.1),
     perturb.Unwelded(0.2),
     perturb.View(0.75),
-    perturb.Welding(0.01),
+    perturb.Welding(0.04, "bounding_box_diagonal", far=0.1),
 ]
 DETERMINISTIC = (perturb.Decimation, perturb.Scaling, perturb.Quantisation, perturb.Welding)
 RANDOM = [
