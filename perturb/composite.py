@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     import trimesh
 
+    from perturb.perturbation import Scalar
+
 
 def _scan() -> tuple[Perturbation, ...]:
     """What a scan does to a shape."""
@@ -126,8 +128,8 @@ class Composite(Perturbation):
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
         counterpart = np.arange(len(mesh.vertices))
         result = as_trimesh(mesh.vertices, mesh.faces)
-        facts = {}
-        found_by = []
+        facts: dict[str, Scalar] = {}
+        found_by: list[Scalar] = []
         for number, (step, drawn) in enumerate(zip(self.scaled_steps(), parameters["steps"], strict=True), start=1):
             perturbed = step.apply(result, drawn)
             result = perturbed.mesh

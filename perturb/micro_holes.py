@@ -64,6 +64,7 @@ class MicroHoles(Perturbation):
 
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
         """Draw `vertices` (k,), the centres, or `triangles` (k,); the last `touching` of them touch others."""
+        ring: _Neighbourhoods | np.ndarray
         if self.unit == "share_of_vertices":
             key, candidates, ring = "vertices", np.unique(mesh.faces), _Neighbourhoods(mesh)
         else:
@@ -82,7 +83,7 @@ class MicroHoles(Perturbation):
             mesh,
             rest,
             counterpart,
-            holes=len(parameters.get("vertices", parameters.get("triangles"))),
+            holes=len(parameters["vertices" if "vertices" in parameters else "triangles"]),
             holes_touching=parameters["touching"],
             triangles_removed=int(np.count_nonzero(dropped)),
             vertices_removed=int(np.count_nonzero(counterpart < 0)),

@@ -15,6 +15,8 @@ from perturb.perturbation import Parameters, Perturbation, PerturbationError, Pe
 if TYPE_CHECKING:
     import trimesh
 
+    from perturb.perturbation import Scalar
+
 
 @dataclass(frozen=True)
 class Quantisation(Perturbation):
@@ -78,18 +80,24 @@ class Quantisation(Perturbation):
                 f"quantisation: with {self.amount:g} {self.unit} no face has an area any more, possibly because of a "
                 "vertex far away, or of the whole mesh far from the origin; choose a larger amount, or move the mesh"
             )
-        facts = {"vertices_moved": int(np.count_nonzero(moved_by.any(axis=1))), "largest_rounding": moved_by.max()}
-        if self.weld and self.amount < self.neutral:
-            into = _first_at_same_position(rounded, faces)
-            result, counterpart, n_collapsed = merge_vertices(rounded, faces, into)
-            merging = {
-                "vertices_merged": int(np.count_nonzero(into != np.arange(len(into)))),
-                "faces_collapsed": n_collapsed,
-                "counterpart_by": "position",
-            }
-            return self.finish(mesh, result, counterpart, **facts, **merging)
-        result = as_trimesh(rounded, faces)
-        return self.finish(mesh, result, np.arange(len(vertices)), **facts, faces_without_area=np.count_nonzero(flat))
+        facts: dict[str, Scalar] = {
+            "vertices_moved": int(np.count_nonzero(moved_by.any(axis=1))),
+            "largest_rounding": float(moved_by.max()),
+        }
+        if not self.weld or self.amount == self.neutral:
+            facts["faces_without_area"] = int(np.count_nonzero(flat))
+            return self.finish(mesh, as_trimesh(rounded, faces), np.arange(len(vertices)), **facts)
+        into = _first_at_same_position(rounded, faces)
+        result, counterpart, n_collapsed = merge_vertices(rounded, faces, into)
+        return self.finish(
+            mesh,
+            result,
+            counterpart,
+            **facts,
+            vertices_merged=int(np.count_nonzero(into != np.arange(len(into)))),
+            faces_collapsed=n_collapsed,
+            counterpart_by="position",
+        )
 
     def _rounded(self, mesh: trimesh.Trimesh) -> np.ndarray:
         """(n, 3) the rounded coordinates."""

@@ -50,9 +50,10 @@ class Rasterisation(Perturbation):
     >>> import numpy as np
     >>> import perturb
     >>> import trimesh
-    >>> open_top = trimesh.creation.icosphere().slice_plane([0, 0, 0.5], [0, 0, -1])
-    >>> rasterised = perturb.Rasterisation(amount=0.04)(open_top, np.random.default_rng(0))
-    >>> open_top.is_watertight, rasterised.mesh.is_watertight
+    >>> sphere = trimesh.creation.icosphere()
+    >>> soup = perturb.Unwelded(amount=1)(sphere, np.random.default_rng(0)).mesh
+    >>> rasterised = perturb.Rasterisation(amount=0.04)(soup, np.random.default_rng(0)).mesh
+    >>> soup.is_watertight, rasterised.is_watertight
     (False, True)
     """
 

@@ -119,7 +119,8 @@ class Welding(Perturbation):
         if not by_share:
             near = float(np.ldexp(self.amount * LENGTHS[self.unit](mesh), -size_exponent(mesh))) / diagonal
             self._require_detour(near)
-        pairs = _disjoint(*self._nearest_ends(mesh, vertices, near * diagonal, self.far * diagonal), len(vertices))
+        first, second, distance = self._nearest_ends(mesh, vertices, near * diagonal, self.far * diagonal)
+        pairs = _disjoint(first, second, distance, len(vertices))
         wanted = max(1, round(self.amount * len(vertices) / 2)) if by_share else max(1, pairs.shape[1])
         if pairs.shape[1] < wanted:
             connections = "" if self.where == "any" else f" with {self.where} connections"

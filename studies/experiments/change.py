@@ -213,18 +213,25 @@ class Part:
     def recipe(self, perturbation: perturb.Perturbation) -> dict[str, Any]:
         """What determines the perturbation, but for its level: class, options, and version or code."""
         options = {**(self.perturbation or {}), self.swept: None}
-        return options | _definition(perturbation, str(options["_target_"]))
+        if not str(options["_target_"]).startswith("perturb."):
+            return {**options, "code": digest_of_code(type(perturbation))}
+        # The first version is not recorded: trials had been stored before there were others.
+        versioned = options if perturbation.version == 1 else {**options, "version": perturbation.version}
+        return {**versioned, **_definition_of_steps(perturbation)}
 
 
-def _definition(perturbation: perturb.Perturbation, target: str) -> dict[str, Any]:
-    """The version of a perturbation of this project, the code of another one; and those of the steps, if it has any."""
-    if not target.startswith("perturb."):
-        return {"code": digest_of_code(type(perturbation))}
-    # The first version is not recorded: trials had been stored before there were others.
-    own = {} if perturbation.version == 1 else {"version": perturbation.version}
+def _definition_of_steps(perturbation: perturb.Perturbation) -> dict[str, Any]:
+    """The versions, or the code, of what a composite consists of."""
     if not isinstance(perturbation, perturb.Composite):
-        return own
-    return own | {"code_of_steps": [_definition(step, f"{type(step).__module__}.") for step in perturbation.steps]}
+        return {}
+    return {
+        "steps_defined_by": [
+            (step.version, _definition_of_steps(step))
+            if type(step).__module__.startswith("perturb.")
+            else digest_of_code(type(step))
+            for step in perturbation.steps
+        ]
+    }
 
 
 def _checked_levels(name: str, levels: Any) -> Sequence[float]:

@@ -5,6 +5,7 @@ import random
 
 import pytest
 
+import perturb
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, digest_of_code
 from tests.helpers.meshes import bundled
@@ -143,3 +144,16 @@ def test_two_models_of_the_same_mesh_are_different_trials(plan, tmp_path):
     trials = plan("+study=shot_noise", "dataset=files", f"dataset.glob={tmp_path}", "levels=[0.1]", "repeats=1")
     assert len({t.mesh_digest for t in trials}) == 1
     assert len({t.trial_id for t in trials}) == len({t.seed for t in trials}) == 2
+
+
+def test_what_the_steps_of_a_composite_are_and_their_versions_determine_its_trials(plan, monkeypatch):
+    def ids(*words):
+        small = ("+study=composite", "dataset.models=[ant]", "levels=[0.5,1]", "repeats=1")
+        return {trial.trial_id for trial in plan(*small, *words)}
+
+    usual = ids()
+    two = "perturbation.steps=[{_target_:perturb.NormalNoise,amount:0.3},{_target_:perturb.Decimation,amount:0.5}]"
+    others = [ids(two), ids(two.replace("0.5", "0.6"))]
+    monkeypatch.setattr(perturb.NormalNoise, "version", 99)
+    others.append(ids())
+    assert len(set().union(usual, *others)) == 2 * 4
