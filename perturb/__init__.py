@@ -1,4 +1,4 @@
-"""Perturbations of triangle meshes: of their geometry, their topology and their triangles.
+"""Perturbations of triangle meshes: of their geometry, their topology and their triangles, by scanners and by files.
 
 Notes
 -----
@@ -43,11 +43,18 @@ from perturb.perturbation import shipped_classes as _shipped_classes
 if TYPE_CHECKING:
     from perturb.affine import Affine
     from perturb.bending import Bending
+    from perturb.composite import Composite
     from perturb.decimation import Decimation
+    from perturb.duplicates import Duplicates
+    from perturb.flipped import Flipped
+    from perturb.floaters import Floaters
     from perturb.holes import Holes
     from perturb.local_scale import LocalScale
+    from perturb.micro_holes import MicroHoles
     from perturb.missing_parts import MissingParts
     from perturb.normal_noise import NormalNoise
+    from perturb.quantisation import Quantisation
+    from perturb.rasterisation import Rasterisation
     from perturb.renumbering import Renumbering
     from perturb.rotation import Rotation
     from perturb.sampling import Sampling
@@ -55,23 +62,34 @@ if TYPE_CHECKING:
     from perturb.self_intersections import SelfIntersections
     from perturb.short_circuits import ShortCircuits
     from perturb.shot_noise import ShotNoise
+    from perturb.slivers import Slivers
     from perturb.smoothing import Smoothing
     from perturb.tessellation import Tessellation
     from perturb.translation import Translation
+    from perturb.unwelded import Unwelded
+    from perturb.view import View
+    from perturb.welding import Welding
 
 __all__ = [
     "LENGTHS",
     "Affine",
     "Bending",
+    "Composite",
     "Decimation",
+    "Duplicates",
+    "Flipped",
+    "Floaters",
     "Holes",
     "LocalScale",
+    "MicroHoles",
     "MissingParts",
     "NormalNoise",
     "Parameters",
     "Perturbation",
     "PerturbationError",
     "Perturbed",
+    "Quantisation",
+    "Rasterisation",
     "Renumbering",
     "Rotation",
     "Sampling",
@@ -79,9 +97,13 @@ __all__ = [
     "SelfIntersections",
     "ShortCircuits",
     "ShotNoise",
+    "Slivers",
     "Smoothing",
     "Tessellation",
     "Translation",
+    "Unwelded",
+    "View",
+    "Welding",
     "as_trimesh",
     "edge_graph",
     "get",

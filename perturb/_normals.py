@@ -63,6 +63,8 @@ def is_degenerate(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(m,) bool: whether the area of a face is 0, or as small as the rounding of its coordinates."""
     from trimesh.triangles import cross
 
+    if len(faces) == 0:
+        return np.zeros(0, dtype=bool)
     triangles, rounding = _local_triangles(vertices, faces)
     return _norms(cross(triangles)) <= np.maximum(FLATNESS, rounding)
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from perturb._drawing import draw
 from perturb.meshes import without_faces
-from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
+from perturb.perturbation import Parameters, Perturbation, Perturbed
 
 if TYPE_CHECKING:
     import trimesh
@@ -61,17 +62,13 @@ class Holes(Perturbation):
     def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
         """Draw `triangles` (k,), the faces to remove, or `vertices` (k,), the centres of the 1-rings to remove."""
         if self.unit == "one_rings":
-            return {"vertices": self._draw(np.unique(mesh.faces), int(self.amount), rng, "vertices with faces")}
+            return {"vertices": draw(self, np.unique(mesh.faces), int(self.amount), rng, "vertices with faces")}
         n_faces = len(mesh.faces)
         count = round(self.amount * n_faces) if self.unit == "share_of_triangles" else int(self.amount)
-        return {"triangles": self._draw(np.arange(n_faces), count, rng, "triangles")}
+        return {"triangles": draw(self, np.arange(n_faces), count, rng, "triangles")}
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
-        if "vertices" in parameters:
-            dropped = np.asarray(np.isin(mesh.faces, parameters["vertices"]).any(axis=1))
-        else:
-            dropped = np.zeros(len(mesh.faces), dtype=bool)
-            dropped[parameters["triangles"]] = True
+        dropped = triangles_of(mesh, parameters)
         rest, counterpart = without_faces(mesh, dropped)
         return self.finish(
             mesh,
@@ -81,11 +78,11 @@ class Holes(Perturbation):
             vertices_removed=int(np.count_nonzero(counterpart < 0)),
         )
 
-    def _draw(self, candidates: np.ndarray, count: int, rng: np.random.Generator, what: str) -> np.ndarray:
-        """(count,) different candidates; PerturbationError if there are too few."""
-        if count > len(candidates):
-            raise PerturbationError(
-                f"holes: {count} {self.unit} were requested, but the mesh has {len(candidates)} {what}; "
-                "lower the amount"
-            )
-        return rng.choice(candidates, count, replace=False)
+
+def triangles_of(mesh: trimesh.Trimesh, parameters: Parameters) -> np.ndarray:
+    """(m,) bool: the `triangles` that were drawn, or all triangles at the `vertices` that were drawn."""
+    if "vertices" in parameters:
+        return np.asarray(np.isin(mesh.faces, parameters["vertices"]).any(axis=1))
+    drawn = np.zeros(len(mesh.faces), dtype=bool)
+    drawn[parameters["triangles"]] = True
+    return drawn

@@ -282,8 +282,8 @@ class Perturbation(ABC):
         Returns
         -------
         Perturbed
-            With, in `applied`: the name, all fields, the facts, and the numbers of vertices, faces and connected
-            components before and after.
+            With, in `applied`: the name, all fields that are numbers or text, the facts, and the numbers of vertices,
+            faces and connected components before and after.
 
         Raises
         ------
@@ -298,7 +298,7 @@ class Perturbation(ABC):
         _check_counterpart(counterpart, len(original.vertices), len(mesh.vertices), self.name)
         applied = {
             "name": self.name,
-            **dataclasses.asdict(self),
+            **recorded_fields(self),
             **{key: value.item() if isinstance(value, np.generic) else value for key, value in facts.items()},
             "vertices_before": len(original.vertices),
             "vertices_after": len(mesh.vertices),
@@ -308,6 +308,12 @@ class Perturbation(ABC):
             "components_after": n_components(mesh),
         }
         return Perturbed(mesh, counterpart.astype(np.int64, copy=False), applied)
+
+
+def recorded_fields(perturbation: Perturbation) -> dict[str, Scalar]:
+    """Return the fields of a perturbation that `Perturbed.applied` contains: numbers, text and None."""
+    values = {field.name: getattr(perturbation, field.name) for field in dataclasses.fields(perturbation)}
+    return {name: value for name, value in values.items() if value is None or isinstance(value, str | int | float)}
 
 
 def names() -> list[str]:

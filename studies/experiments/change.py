@@ -230,7 +230,22 @@ class Part:
             if options.get(name, defaults[name]) == defaults[name]:
                 options.pop(name, None)
         # The first version is not recorded: trials had been stored before there were others.
-        return options if perturbation.version == 1 else {**options, "version": perturbation.version}
+        versioned = options if perturbation.version == 1 else {**options, "version": perturbation.version}
+        return {**versioned, **_definition_of_steps(perturbation)}
+
+
+def _definition_of_steps(perturbation: perturb.Perturbation) -> dict[str, Any]:
+    """The versions, or the code, of what a composite consists of."""
+    if not isinstance(perturbation, perturb.Composite):
+        return {}
+    return {
+        "steps_defined_by": [
+            (step.version, _definition_of_steps(step))
+            if type(step).__module__.startswith("perturb.")
+            else digest_of_code(type(step))
+            for step in perturbation.steps
+        ]
+    }
 
 
 def _checked_levels(name: str, levels: Any) -> Sequence[float]:

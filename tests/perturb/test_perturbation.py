@@ -43,8 +43,19 @@ EXAMPLES = [
     perturb.Tessellation(2.0, method="anisotropic"),
     perturb.Tessellation(2.0, method="irregular"),
     perturb.SelfIntersections(2, thickness=0.5),
+    perturb.Composite(0.8),
+    perturb.Duplicates(0.2),
+    perturb.Flipped(0.2),
+    perturb.Floaters(0.02),
+    perturb.MicroHoles(0.03),
+    perturb.Quantisation(7),
+    perturb.Rasterisation(0.06),
+    perturb.Slivers(0.1),
+    perturb.Unwelded(0.2),
+    perturb.View(0.75),
+    perturb.Welding(0.04, "bounding_box_diagonal", far=0.1),
 ]
-DETERMINISTIC = (perturb.Decimation, perturb.Scaling)
+DETERMINISTIC = (perturb.Decimation, perturb.Scaling, perturb.Quantisation, perturb.Welding)
 RANDOM = [
     example
     for example in EXAMPLES
@@ -85,15 +96,26 @@ def digest(mesh):
 def test_every_shipped_perturbation_has_an_example():
     assert set(SHIPPED) <= set(perturb.names())
     assert SHIPPED == [
+        "composite",
         "decimation",
+        "duplicates",
+        "flipped",
+        "floaters",
         "holes",
+        "micro_holes",
         "missing_parts",
         "normal_noise",
+        "quantisation",
+        "rasterisation",
         "scaling",
         "self_intersections",
         "short_circuits",
         "shot_noise",
+        "slivers",
         "tessellation",
+        "unwelded",
+        "view",
+        "welding",
     ]
 
 
@@ -141,8 +163,8 @@ def test_the_neutral_amount_keeps_even_vertices_without_faces(perturbation):
 
 def test_amount_0_is_neutral_unless_it_would_leave_nothing():
     neutral = {perturb.get(name).name: perturb.get(name).neutral for name in SHIPPED}
-    assert neutral == dict.fromkeys(SHIPPED, 0.0) | {"decimation": 1.0, "scaling": 1.0}
-    for name in ("decimation", "scaling"):
+    assert neutral == dict.fromkeys(SHIPPED, 0.0) | {"decimation": 1.0, "scaling": 1.0, "quantisation": 53.0}
+    for name in ("decimation", "scaling", "quantisation"):
         with pytest.raises(PerturbationError, match="must be above 0"):
             perturb.get(name)(amount=0)
 
@@ -152,7 +174,8 @@ def test_counterparts_cover_the_result_unless_they_are_found_by_nearness(perturb
     result = perturbed(perturbation, mesh)
     used = np.arange(len(result.mesh.vertices))
     if result.applied.get("counterpart_by") not in ("nearest_vertex", "closest_point"):
-        np.testing.assert_array_equal(np.unique(result.counterpart[result.counterpart >= 0]), used)
+        former = used[: len(used) - result.applied.get("vertices_added", 0)]  # what is added follows
+        np.testing.assert_array_equal(np.unique(result.counterpart[result.counterpart >= 0]), former)
     np.testing.assert_array_equal(np.unique(result.mesh.faces), used)
 
 
@@ -213,6 +236,32 @@ def test_an_unknown_unit_is_answered_with_the_valid_ones(name):
         (lambda: perturb.Decimation(backend="vtk"), "choose one of fast_simplification, pymeshlab"),
         (lambda: perturb.MissingParts(1), "must be below 1"),
         (lambda: perturb.MissingParts(shape="cube"), "choose one of geodesic_ball, plane"),
+        (lambda: perturb.MicroHoles(1.1), "at most 1"),
+        (lambda: perturb.MicroHoles(1.1, "share_of_triangles"), "at most 1"),
+        (lambda: perturb.Floaters(1.1), "at most 1"),
+        (lambda: perturb.Floaters(1.5, "count"), "must be a whole number"),
+        (lambda: perturb.Floaters(distance=-1), "distance is -1"),
+        (lambda: perturb.Floaters(size=0), "size is 0; it must be above 0"),
+        (lambda: perturb.Unwelded(1.1), "at most 1"),
+        (lambda: perturb.Quantisation(9.5), "must be a whole number"),
+        (lambda: perturb.Quantisation(54), "at most 53"),
+        (lambda: perturb.Quantisation(weld="maybe"), "weld is 'maybe'; it must be true or false"),
+        (lambda: perturb.Flipped(1.1), "at most 1"),
+        (lambda: perturb.Duplicates(1.1), "at most 1"),
+        (lambda: perturb.Duplicates(winding="random"), "choose one of same, opposite"),
+        (lambda: perturb.Slivers(1.1), "at most 1"),
+        (lambda: perturb.Slivers(aspect=1.5), "aspect is 1.5; it must be at least 2"),
+        (lambda: perturb.Slivers(aspect=1e7), r"at most 1e\+06"),
+        (lambda: perturb.Welding(1.1), "at most 1"),
+        (lambda: perturb.Welding(far=0), "far is 0; it must be above 0"),
+        (lambda: perturb.Welding(0.2, "bounding_box_diagonal", far=0.2), "far must be at least 1.5 times amount"),
+        (lambda: perturb.Welding(where="inside"), "choose one of any, external, internal"),
+        (lambda: perturb.View(1.1), "at most 1"),
+        (lambda: perturb.View(positions=0), "positions is 0; it must be above 0"),
+        (lambda: perturb.View(positions=2.5), "must be a whole number"),
+        (lambda: perturb.View(distance=0.5), "distance is 0.5; it must be above 0.5"),
+        (lambda: perturb.View(max_incidence=91), "at most 90"),
+        (lambda: perturb.Composite(1.1), "at most 1"),
     ],
 )
 def test_options_out_of_range_are_refused_when_built(make, message):
@@ -260,7 +309,7 @@ def test_the_shipped_config_names_every_field_with_its_default(path):
     config = OmegaConf.load(path)
     perturbation = hydra.utils.instantiate(config)
     assert perturbation == perturb.get(path.stem)()
-    assert set(config) - {"_target_"} == {field.name for field in dataclasses.fields(perturbation)}
+    assert set(config) - {"_target_", "_convert_"} == {field.name for field in dataclasses.fields(perturbation)}
     level = hydra.utils.instantiate(config, amount=perturbation.neutral)
     assert level == dataclasses.replace(perturbation, amount=perturbation.neutral)
 

@@ -30,8 +30,8 @@ from studies.planning.configuration import configure
 from studies.run import main
 from studies.storage import atomic_write
 from tests.helpers.composing import composition
-from tests.helpers.terminal import import_all
 from tests.helpers.meshes import bundled
+from tests.helpers.terminal import import_all
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -74,7 +74,7 @@ def test_every_perturbation_config_names_every_field_of_its_class(name):
     cfg = OmegaConf.load(CONF / "perturbation" / f"{name}.yaml")
     made = hydra.utils.instantiate(cfg)
     assert type(made) is perturb.get(name)
-    assert set(cfg) - {"_target_"} == {field.name for field in dataclasses.fields(made)}
+    assert set(cfg) - {"_target_", "_convert_"} == {field.name for field in dataclasses.fields(made)}
 
 
 def test_every_perturbation_with_a_config_has_a_study(configured):

@@ -167,3 +167,16 @@ def test_the_two_readings_of_table_2_are_parts_beside_the_usual_one(plan):
         (10, 0.06, 1.5, "any", "triangle"),
     ]
     assert tubes["short_circuits"] == perturb.ShortCircuits()
+
+
+def test_what_the_steps_of_a_composite_are_and_their_versions_determine_its_trials(plan, monkeypatch):
+    def ids(*words):
+        small = ("+study=composite", "dataset.models=[ant]", "levels=[0.5,1]", "repeats=1")
+        return {trial.trial_id for trial in plan(*small, *words)}
+
+    usual = ids()
+    two = "perturbation.steps=[{_target_:perturb.NormalNoise,amount:0.3},{_target_:perturb.Decimation,amount:0.5}]"
+    others = [ids(two), ids(two.replace("0.5", "0.6"))]
+    monkeypatch.setattr(perturb.NormalNoise, "version", 99)
+    others.append(ids())
+    assert len(set().union(usual, *others)) == 2 * 4
