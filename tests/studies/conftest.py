@@ -165,7 +165,10 @@ def typed_command(folder, module, *words, columns="80"):
 
 
 def in_fork(folder, command, *words, columns="80"):
-    """What a function prints in a process that is forked from this one, and its exit code: CompletedProcess."""
+    """What a function prints in a process that is forked from this one, and its exit code: CompletedProcess.
+
+    It cannot start worker processes: multiprocessing would look for the helpers that this process has started.
+    """
     import_everything()
 
     def run(said, complained):
