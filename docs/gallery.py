@@ -39,7 +39,7 @@ HEADER = f"""\
 
 Every perturbation at the strengths of its study, on the {MODEL} that is bundled. Colours are the segments that the Heat
 Walk finds, and the number above each variant is their Change Percentage (CP): what one draw on one model gives, not a
-result. The page and its pictures are drawn by
+result. Of a study with several parts, the last strength of each is shown. The page and its pictures are drawn by
 
 ```sh
 python docs/gallery.py
