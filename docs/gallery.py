@@ -23,7 +23,14 @@ PICTURES = DOCS / "images" / "perturbations"
 STUDIES = Path(conf.__file__).parent / "study"
 
 MODEL = "cow"
-WIDTHS = (1600, 1400, 1200, 1000)  # pixels; a page's text is 800 wide, and screens have up to two pixels for each
+WIDTHS = (
+    1600,
+    1400,
+    1200,
+    1000,
+    900,
+    800,
+)  # pixels; a page's text is 800 wide, and screens have up to two pixels for each
 LARGEST = 120_000  # bytes of a picture, which is as wide as that allows
 COLOURS = 128  # of a picture: hues of some segments, each in several lights
 
@@ -32,7 +39,7 @@ HEADER = f"""\
 
 Every perturbation at the strengths of its study, on the {MODEL} that is bundled. Colours are the segments that the Heat
 Walk finds, and the number above each variant is their Change Percentage (CP): what one draw on one model gives, not a
-result. The page and its pictures are drawn by
+result. Of a study with several parts, the last strength of each is shown. The page and its pictures are drawn by
 
 ```sh
 python docs/gallery.py

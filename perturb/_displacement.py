@@ -66,7 +66,16 @@ def displace(
         If the coordinates are so large that rounding them changes the displacement by more than MAX_ROUNDING.
     """
     result, counterpart, facts = move(mesh, lengths[:, None] * normals, name)
-    return result, counterpart, {**facts, "vertices_without_normal": int(np.count_nonzero(~normals.any(axis=1)))}
+    return (
+        result,
+        counterpart,
+        {
+            "vertices_moved": facts["vertices_moved"],
+            "largest_displacement": facts["largest_displacement"],
+            "rms_displacement": facts["rms_displacement"],
+            "vertices_without_normal": int(np.count_nonzero(~normals.any(axis=1))),
+        },
+    )
 
 
 def deform(

@@ -15,6 +15,7 @@ from perturb.perturbation import Parameters, Perturbation, PerturbationError, Pe
 
 if TYPE_CHECKING:
     import trimesh
+    from scipy.sparse import csr_array
 
 TRIES_PER_BUMP = 100  # vertices at which a bump is tried, before none is said to be possible
 NEARER_THAN_ROUNDING = 1e-6  # of the diagonal; two sides of a sheet without thickness are not opposite sides
@@ -131,7 +132,7 @@ class SelfIntersections(Perturbation):
         taken[faces[_intersecting_faces(mesh)]] = True
         tips: list[int] = []
         depths: list[float] = []
-        tries = min(int(self.amount) * TRIES_PER_BUMP, np.count_nonzero(area))
+        tries = min(int(self.amount) * TRIES_PER_BUMP, int(np.count_nonzero(area)))
         for vertex in rng.choice(len(area), tries, replace=False, p=area / area.sum()) if tries else []:
             own = _distances(graph, vertex, self.radius * diagonal) < 1
             if taken[own].any():
@@ -147,11 +148,11 @@ class SelfIntersections(Perturbation):
         return tips, depths
 
 
-def _distances(graph: object, vertex: int, radius: float) -> np.ndarray:
+def _distances(graph: csr_array, vertex: int, radius: float) -> np.ndarray:
     """(n,) distances of all vertices from one along the edges, relative to a radius; infinite beyond it."""
     from scipy.sparse.csgraph import dijkstra
 
-    return dijkstra(graph, indices=vertex, limit=radius) / radius
+    return dijkstra(graph, indices=np.array(vertex), limit=radius) / radius
 
 
 def _first_hit(corners: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> float:
