@@ -76,9 +76,6 @@ def import_as_on_windows(name, globals=None, locals=None, fromlist=(), level=0):
 original_import = builtins.__import__
 builtins.__import__ = import_as_on_windows
 
-for name in [name for name in sys.modules if name.partition(".")[0] in PACKAGES]:
-    del sys.modules[name]  # of an interpreter of the tests, which has imported some as they are
-
 
 def import_all():
     """Import every module of this project but those that are commands or need an optional package."""
@@ -89,6 +86,8 @@ def import_all():
 
 
 if __name__ == "__main__":
+    for name in [name for name in sys.modules if name.partition(".")[0] in PACKAGES]:
+        del sys.modules[name]  # of an interpreter of the tests, which has imported some as they are
     import_all()
     from studies import run
     from studies.execution import worker_pool
