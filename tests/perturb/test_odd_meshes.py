@@ -123,7 +123,7 @@ def is_slow(perturbation, label):
     return perturbation.name == "sampling" and label not in different
 
 
-CASES = [
+PAIRS = [
     pytest.param(
         perturbation,
         label,
@@ -139,7 +139,7 @@ def ellipsoid_normals():
     return normals(trimesh.Trimesh(*ellipsoid(), process=False))
 
 
-@pytest.mark.parametrize(("perturbation", "label"), CASES)
+@pytest.mark.parametrize(("perturbation", "label"), PAIRS)
 def test_a_perturbation_changes_an_odd_mesh_or_says_why_it_cannot(perturbation, label):
     mesh = odd()[label]
     refusals = [message for name, message in REFUSED.get(label, []) if name == perturbation.name]
