@@ -162,9 +162,9 @@ def test_a_kind_of_experiment_takes_one_folder(repository, tmp_path, follow):
     own = tmp_path / "own"
     own.mkdir()
     printed, again, _ = follow("### A kind of experiment", own)
-    assert "Renumbering on bundled: HeatWalk, 6 trials" in printed
+    assert "Reordering on bundled: HeatWalk, 6 trials" in printed
     assert "6 of them stored already" in again
-    folder = own / "mine" / "renumbering" / "bundled"
+    folder = own / "mine" / "reordering" / "bundled"
     rows = rows_of(folder)
     assert rows.groupby("model")["seed"].nunique().to_dict() == {"ant": 2, "bunny": 2, "cow": 2}
     assert (rows["n_segments"] == rows["n_segments_reference"]).all()

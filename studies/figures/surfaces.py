@@ -104,13 +104,14 @@ def surface(
     with pyvista.vtk_verbosity("off"):  # without a screen, VTK warns and then renders correctly
         plotter = _lit_plotter(size)
         try:
-            if solid is not None:
+            if solid is not None and solid.any():  # VTK refuses a surface without faces
                 plotter.add_mesh(_part(shape, solid), color="black", lighting=False)
-            rest = shape if solid is None else _part(shape, ~solid)
-            plotter.add_mesh(
-                _creased(rest), opacity=opacity, show_edges=bool(edges), edge_opacity=0.5, line_width=1.0,
-                show_scalar_bar=False, **paint, **material,
-            )  # fmt: skip
+            if solid is None or not solid.all():
+                rest = shape if solid is None else _part(shape, ~solid)
+                plotter.add_mesh(
+                    _creased(rest), opacity=opacity, show_edges=bool(edges), edge_opacity=0.5, line_width=1.0,
+                    show_scalar_bar=False, **paint, **material,
+                )  # fmt: skip
             if ghost is not None:
                 gone = pyvista.PolyData.from_regular_faces(
                     _picture_coordinates(np.asarray(ghost.vertices), view, size), ghost.faces

@@ -144,6 +144,15 @@ def press_ctrl_c():
     time.sleep(5)
 
 
+@pytest.fixture
+def usual_ctrl_c():
+    """Python's own handler of Ctrl-C, which modules that other tests import may have replaced."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("usual_ctrl_c")
 def test_ctrl_c_is_told_from_an_exception_of_its_kind():
     with watch_ctrl_c() as was_pressed:
         assert not is_ctrl_c(KeyboardInterrupt())

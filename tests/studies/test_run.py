@@ -56,7 +56,7 @@ def test_it_leaves_what_the_documentation_lists_and_nothing_else(small_study):
     done, results = small_study
     assert done.returncode == 0, done.stderr
     assert {path.name for path in results.iterdir()} == {
-        "trials.jsonl", "trials.parquet", "table.csv", "table.md", "shot_noise.png", "shot_noise.pdf",
+        "trials.jsonl", "trials.parquet", "table.csv", "table.md", "failures_and_seconds.csv", "shot_noise.png", "shot_noise.pdf",
         "gallery.png",
         "config.yaml", "provenance.json", "planned.txt", "labels",
     }  # fmt: skip
@@ -220,7 +220,7 @@ def test_help_lists_what_there_is(tmp_path):
 def test_help_calls_a_group_as_its_option_is_called(tmp_path):
     done = typed(tmp_path, "--help")
     assert "\n  publication: heat_walk_2011 " in done.stdout
-    assert "\nstudy=\n  anatomy  " in done.stdout
+    assert "\nstudy=\n  affine  " in done.stdout
     assert "\n  custom  " in done.stdout
     assert "paper=" not in done.stdout
 
@@ -268,7 +268,7 @@ def test_a_study_that_has_nothing_to_run_is_a_mistake(folder):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), ["type +study=NAME", "NAME one of anatomy, custom, decimation", "holes, missing_parts, normal_noise"]),
+        ((), ["type +study=NAME", "NAME one of affine, anatomy, bending, composite, custom", "holes, missing_parts, normal_noise"]),
         (("+study=shotnoise",), ["Could not find 'study/shotnoise'", "shot_noise"]),
         (("+study=holes", "dataset=pbs"), ["Could not find 'dataset/pbs'", "psb"]),
         (("+study=holes", "repeat=3"), ["Could not override 'repeat'", "repeats, results_dir, trial.timeout"]),

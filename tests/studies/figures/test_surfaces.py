@@ -79,3 +79,12 @@ def test_a_mark_and_a_contour_are_drawn_where_they_belong(cow, view):
 def test_one_of_labels_colours_and_field_is_shown(cow, view):
     with pytest.raises(ValueError, match="exclude each other"):
         surface(cow.mesh, view, labels=cow.labels, field=np.zeros(len(cow.labels)))
+
+
+def test_black_faces_may_be_none_or_all(cow, view):
+    none = np.zeros(len(cow.mesh.faces), dtype=bool)
+    without = surface(cow.mesh, view, labels=cow.labels)
+    assert np.array_equal(surface(cow.mesh, view, labels=cow.labels, solid=none), without)
+    black = surface(cow.mesh, view, labels=cow.labels, solid=~none)
+    assert (np.unique(black[ink(without)], axis=0).max(axis=1) == 0).mean() > 0  # black is among the colours
+    assert np.ptp(black, axis=2).max() == 0  # and no segment's colour is
