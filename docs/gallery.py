@@ -23,7 +23,7 @@ PICTURES = DOCS / "images" / "perturbations"
 STUDIES = Path(conf.__file__).parent / "study"
 
 MODEL = "cow"
-WIDTHS = (1600, 1400, 1200, 1000, 900, 800)  # pixels; a page's text is 800 wide, and screens have up to two pixels for each
+WIDTHS = (1600, 1400, 1200, 1000, 900, 800)  # pixels; a page's text is 800 wide, and screens may have two for each
 LARGEST = 120_000  # bytes of a picture, which is as wide as that allows
 COLOURS = 128  # of a picture: hues of some segments, each in several lights
 

@@ -56,8 +56,8 @@ def test_it_leaves_what_the_documentation_lists_and_nothing_else(small_study):
     done, results = small_study
     assert done.returncode == 0, done.stderr
     assert {path.name for path in results.iterdir()} == {
-        "trials.jsonl", "trials.parquet", "table.csv", "table.md", "failures_and_seconds.csv", "shot_noise.png", "shot_noise.pdf",
-        "gallery.png",
+        "trials.jsonl", "trials.parquet", "table.csv", "table.md", "failures_and_seconds.csv",
+        "shot_noise.png", "shot_noise.pdf", "gallery.png",
         "config.yaml", "provenance.json", "planned.txt", "labels",
     }  # fmt: skip
     assert {path.name for path in results.parents[2].iterdir()} == {"ant.off", "results"}
@@ -268,7 +268,7 @@ def test_a_study_that_has_nothing_to_run_is_a_mistake(folder):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), ["type +study=NAME", "NAME one of affine, anatomy, bending, composite, custom", "holes, missing_parts, normal_noise"]),
+        ((), ["type +study=NAME", "NAME one of affine, anatomy, bending, ", "holes, local_scale, micro_holes"]),
         (("+study=shotnoise",), ["Could not find 'study/shotnoise'", "shot_noise"]),
         (("+study=holes", "dataset=pbs"), ["Could not find 'dataset/pbs'", "psb"]),
         (("+study=holes", "repeat=3"), ["Could not override 'repeat'", "repeats, results_dir, trial.timeout"]),

@@ -86,5 +86,5 @@ def test_black_faces_may_be_none_or_all(cow, view):
     without = surface(cow.mesh, view, labels=cow.labels)
     assert np.array_equal(surface(cow.mesh, view, labels=cow.labels, solid=none), without)
     black = surface(cow.mesh, view, labels=cow.labels, solid=~none)
-    assert (np.unique(black[ink(without)], axis=0).max(axis=1) == 0).mean() > 0  # black is among the colours
-    assert np.ptp(black, axis=2).max() == 0  # and no segment's colour is
+    assert (black[ink(without)] == 0).mean() > 0.9  # all but the outline, which is smoothed
+    assert np.ptp(black, axis=2).max() == 0  # no segment has its colour

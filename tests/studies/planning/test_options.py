@@ -45,7 +45,7 @@ def own(own_modules, monkeypatch, configured):
         (("+study=anatomy", "repeats=2"), "^repeats is not an option of the study anatomy, whose options are plates$"),
         (("+study=versatility", "gallery.style=edges"), r"^gallery\.style is not an option of the study versatility"),
         (("+study=table1", "repeats=5", "dataset.root=x"), "table1, which has none but those that every study has$"),
-        (("+study=time", "swept=height"), "^swept is not an option of the study time, whose options are counted, criterion, figure15, "),
+        (("+study=time", "swept=height"), "^swept is not an option of the study time, whose options are counted, "),
         (("+study=pose", "gallery.models=2", "dataset.root=x"), r"^gallery\.models is not an option of the study pose"),
         (("+study=holes", "+reapeats=2"), "^reapeats is not an option of the study holes, whose options are axis, "),
         (("+study=table2", "swept=height"), r"swept is an option of each part of this study: parts\.NAME\.swept=…$"),
