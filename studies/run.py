@@ -117,11 +117,12 @@ def _run(cfg: DictConfig) -> None:
 
     from studies.datasets.dataset import DatasetError
     from studies.execution.study import run_study
-    from studies.planning.configuration import configure
+    from studies.planning.configuration import check_own_names, configure
 
     overrides = list(HydraConfig.get().overrides.task)
     with watch_ctrl_c():
         try:
+            check_own_names()
             study = configure(cfg, overrides, swept_options(sys.argv[1:], overrides))
             outcome = run_study(study, Console())
         except DatasetError as error:  # its message has a line for each file that the data consist of

@@ -15,9 +15,10 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from studies._own_packages import CONF
 from studies.datasets import make_dataset
 from studies.datasets.dataset import listed_names
-from studies.planning.command_line import swept_folder
+from studies.planning.command_line import CHOICES, swept_folder
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import with_version
 from studies.planning.names import check_name
@@ -261,10 +262,31 @@ def command_of(overrides: Sequence[str], root: str = "") -> str:
     return f"python -m studies.run {shlex.join([*typed, *_config_dir()])}"
 
 
+def check_own_names() -> None:
+    """Refuse the name of a file of this project for one in ``--config-dir``, which Hydra would ignore.
+
+    Raises
+    ------
+    StudyError
+        If there is one; the message names the file.
+    """
+    choices = HydraConfig.get().runtime.choices
+    for group in CHOICES:
+        for folder in _own_folders():
+            file = folder / group / f"{choices.get(group)}.yaml"
+            if file.exists() and CONF.joinpath(group, file.name).is_file():
+                raise StudyError(f"{file}: this project has a {group} {file.stem!r} of its own; rename the file")
+
+
+def _own_folders() -> list[Path]:
+    """The folders of configurations that ``--config-dir`` names."""
+    sources = HydraConfig.get().runtime.config_sources if HydraConfig.initialized() else ()
+    return [Path(source.path) for source in sources if source.provider == "command-line"]
+
+
 def _config_dir() -> list[str]:
     """The flag with the user's own folder of configurations, relative to the current folder if it is inside."""
-    sources = HydraConfig.get().runtime.config_sources if HydraConfig.initialized() else ()
-    folders = [Path(source.path) for source in sources if source.provider == "command-line"]
+    folders = _own_folders()
     here = Path.cwd()
     return [
         word

@@ -254,6 +254,20 @@ def test_a_study_in_a_folder_of_the_user_runs_and_says_how_to_run_it_again(folde
     assert "1 of them stored already" in again.stdout
 
 
+@pytest.mark.parametrize("name", ["study/holes", "dataset/files", "segmenter/heat_walk"])
+def test_a_file_of_the_user_that_hydra_would_ignore_is_a_mistake(folder, name):
+    file = folder / "conf" / f"{name}.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text(OWN_STUDY)
+    done = typed(folder, "--config-dir", "conf", "+study=holes", *ANT)
+    assert done.returncode == 2
+    group, _, own = name.partition("/")
+    assert done.stderr == (
+        f"studies.run: error: {file}: this project has a {group} {own!r} of its own; rename the file\n"
+    )
+    assert {path.name for path in folder.iterdir()} == {"ant.off", "conf"}
+
+
 def test_a_study_that_has_nothing_to_run_is_a_mistake(folder):
     (folder / "empty.py").write_text(
         "from studies.datasets import Dataset\n"
