@@ -43,10 +43,9 @@ python docs/gallery.py
 
 
 def shown() -> list[str]:
-    """Names of the perturbations that have a study of the same name, by title."""
-    return sorted(
-        (name for name in perturb.names() if study_file(name).exists()), key=lambda name: study(name)["title"]
-    )
+    """Names of the perturbations in ``perturb.__all__`` that have a study of the same name, by title."""
+    listed = [name for name in perturb.names() if perturb.get(name).__name__ in perturb.__all__]
+    return sorted((name for name in listed if study_file(name).exists()), key=lambda name: study(name)["title"])
 
 
 def study_file(name: str) -> Path:

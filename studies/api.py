@@ -62,7 +62,7 @@ def run(study: str, overrides: Sequence[str] = (), *, quiet: bool = False) -> Re
             cfg = compose("config", options)
         except HydraException as error:
             raise StudyError(" ".join(str(error).split())) from error
-        outcome = run_study(configure(cfg, options), Console(quiet=quiet))
+        outcome = run_study(configure(cfg, options), Console(quiet=quiet, markup=False))
     if outcome.interrupted:
         raise KeyboardInterrupt
     if outcome.results is None:

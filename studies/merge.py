@@ -23,7 +23,7 @@ def merge_folders(first: Path, second: Path, into: Path) -> None:
     from studies.storage import merging
 
     merging.check_folders(first, second, into)
-    console = Console()
+    console = Console(markup=False)
     columns = row_columns(instantiate_experiment(merging.read_options(first)))
     merged = merging.merge(
         first,

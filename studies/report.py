@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from studies.storage import atomic_write, encodable
     from studies.storage.folders import table_is_current
 
-    console = Console()
+    console = Console(markup=False)
     found, unreadable = [], []
     for folder in study_folders(root):
         try:

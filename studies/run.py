@@ -124,7 +124,7 @@ def _run(cfg: DictConfig) -> None:
         try:
             check_own_names()
             study = configure(cfg, overrides, swept_options(sys.argv[1:], overrides))
-            outcome = run_study(study, Console())
+            outcome = run_study(study, Console(markup=False))
         except DatasetError as error:  # its message has a line for each file that the data consist of
             _fail(str(error))
         except (ValueError, OSError) as error:
@@ -158,7 +158,7 @@ def _write_sweeps() -> None:
     try:
         for sweep in read_sweeps(folders):
             if sweep.folders & set(_swept_folders):
-                write_sweep(sweep, Console())
+                write_sweep(sweep, Console(markup=False))
     except (ValueError, OSError) as error:
         _fail(one_line(error))
 

@@ -57,7 +57,7 @@ def print_table(lines: list[tuple[str, ...]]) -> None:
         table.add_column(heading, justify="left" if heading in ("study", "state") else "right", no_wrap=True)
     for line in lines:
         table.add_row(*map(Text, line))
-    console = Console()
+    console = Console(markup=False)
     width = console.width
     console.width = 100_000  # or the measure would be limited by the terminal
     console.width = max(width, console.measure(table).maximum)

@@ -358,7 +358,8 @@ def _report_failures(results: Results, ended_early: str, console: Console) -> No
     if results.failures:
         console.print(
             f"[red]{results.failures:,} of {count_of(len(results.rows), 'trial')} failed[/red]; trials.parquet has the "
-            "reasons, in the column error, and where they arose, in the column traceback:"
+            "reasons, in the column error, and where they arose, in the column traceback:",
+            markup=True,
         )
         failed = results.rows[results.rows["status"] != "ok"]
         for error in failed["error"].value_counts().head(ERRORS_SHOWN).index:

@@ -78,10 +78,14 @@ def print_table(title: str, table: Table, console: Console) -> None:
     Headings wrap on a narrow terminal; a value is never cut.
     """
     from rich.table import Table as RichTable
+    from rich.text import Text
 
     columns, rows = table.visible(compact=True), table.cells(compact=True)
     padding = (0, 1) if len(columns) < MANY_COLUMNS else (0, 1, 0, 0)
-    shown = RichTable(title=title, caption=f"{table.name}.md explains the columns", padding=padding)
+    # A table of few columns is narrower than its title, which wraps, although values do not.
+    above = Text(title, "table.title", no_wrap=False)
+    below = Text(f"{table.name}.md explains the columns", "table.caption", no_wrap=False)
+    shown = RichTable(title=above, caption=below, padding=padding)
     widths = []
     for i, column in enumerate(columns):
         widths.append(max([*(len(cells[i]) for cells in rows), *map(len, column.title.split())]))

@@ -57,3 +57,12 @@ def test_a_notebook_shows_the_table_with_help_on_its_headings():
     assert '<th title="How &lt;much&gt;.">level</th>' in html
     assert "<caption>A &lt; B</caption>" in html
     assert html.count("<td>") == 6
+
+
+def test_a_title_with_brackets_is_printed_whole_though_its_table_is_narrow():
+    table = Table("table", pd.DataFrame({"n": [1]}), (Column(name="n", dtype="int64"),))
+    title = "segmenters=[heat_walk,cells] and a [/c] on bundled: 1 of 3 models"
+    written = io.StringIO()
+    print_table(title, table, Console(file=written, width=80, markup=False))
+    words = " ".join(line.strip() for line in written.getvalue().splitlines() if "│" not in line)
+    assert title.replace(" ", "") in words.replace(" ", "")
