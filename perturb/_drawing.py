@@ -2,14 +2,34 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb.perturbation import PerturbationError
+from perturb.perturbation import Parameters, Perturbation, PerturbationError
 
 if TYPE_CHECKING:
-    from perturb.perturbation import Perturbation
+    import trimesh
+
+
+@dataclass(frozen=True)
+class OnShareOfFaces(Perturbation):
+    """Base class of perturbations that do something to each of some faces."""
+
+    amount: float = 0.1
+    unit: str = "share_of_faces"
+
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("share_of_faces",)}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_number("amount", maximum=1)
+
+    def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
+        """Draw `faces` (k,), uniformly and without replacement."""
+        n_faces = len(mesh.faces)
+        return {"faces": draw(self, np.arange(n_faces), round(self.amount * n_faces), rng, "faces")}
 
 
 def draw(

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb._drawing import draw
+from perturb._drawing import OnShareOfFaces
 from perturb.meshes import as_trimesh
-from perturb.perturbation import Parameters, Perturbation, Perturbed
+from perturb.perturbation import Parameters, Perturbed
 
 if TYPE_CHECKING:
     import trimesh
 
 
 @dataclass(frozen=True)
-class Duplicates(Perturbation):
+class Duplicates(OnShareOfFaces):
     """Write faces twice, with the same three vertices.
 
     Parameters
@@ -43,21 +43,10 @@ class Duplicates(Perturbation):
     (1280, 2560)
     """
 
-    amount: float = 0.1
-    unit: str = "share_of_faces"
     winding: str = "same"
 
     name: ClassVar[str] = "duplicates"
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("share_of_faces",), "winding": ("same", "opposite")}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_number("amount", maximum=1)
-
-    def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
-        """Draw `faces` (k,), those that are written twice."""
-        n_faces = len(mesh.faces)
-        return {"faces": draw(self, np.arange(n_faces), round(self.amount * n_faces), rng, "faces")}
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {**OnShareOfFaces.choices, "winding": ("same", "opposite")}
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
         copies = np.asarray(mesh.faces)[parameters["faces"]]

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb._drawing import draw
+from perturb._drawing import OnShareOfFaces
 from perturb.meshes import as_trimesh
-from perturb.perturbation import Parameters, Perturbation, Perturbed
+from perturb.perturbation import Parameters, Perturbed
 
 if TYPE_CHECKING:
     import trimesh
 
 
 @dataclass(frozen=True)
-class Flipped(Perturbation):
+class Flipped(OnShareOfFaces):
     """Turn faces over: their corners are listed in reverse order, so their normals point to the other side.
 
     Parameters
@@ -42,20 +42,7 @@ class Flipped(Perturbation):
     (128, False)
     """
 
-    amount: float = 0.1
-    unit: str = "share_of_faces"
-
     name: ClassVar[str] = "flipped"
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("share_of_faces",)}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_number("amount", maximum=1)
-
-    def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
-        """Draw `faces` (k,), those that are turned over."""
-        n_faces = len(mesh.faces)
-        return {"faces": draw(self, np.arange(n_faces), round(self.amount * n_faces), rng, "faces")}
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
         faces, drawn = np.array(mesh.faces), parameters["faces"]

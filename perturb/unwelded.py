@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from perturb._drawing import draw
+from perturb._drawing import OnShareOfFaces
 from perturb.meshes import as_trimesh
-from perturb.perturbation import Parameters, Perturbation, PerturbationError, Perturbed
+from perturb.perturbation import Parameters, PerturbationError, Perturbed
 
 if TYPE_CHECKING:
     import trimesh
 
 
 @dataclass(frozen=True)
-class Unwelded(Perturbation):
+class Unwelded(OnShareOfFaces):
     """Cut faces loose: each gets vertices of its own, at the same positions; at 1 the mesh is a triangle soup.
 
     Parameters
@@ -45,20 +45,7 @@ class Unwelded(Perturbation):
     True
     """
 
-    amount: float = 0.1
-    unit: str = "share_of_faces"
-
     name: ClassVar[str] = "unwelded"
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"unit": ("share_of_faces",)}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_number("amount", maximum=1)
-
-    def sample(self, mesh: trimesh.Trimesh, rng: np.random.Generator) -> Parameters:
-        """Draw `faces` (k,), those that are cut loose."""
-        n_faces = len(mesh.faces)
-        return {"faces": draw(self, np.arange(n_faces), round(self.amount * n_faces), rng, "faces")}
 
     def apply(self, mesh: trimesh.Trimesh, parameters: Parameters) -> Perturbed:
         faces, n_vertices = np.array(mesh.faces), len(mesh.vertices)
