@@ -114,6 +114,17 @@ class Model(ABC):
         """SHA-256 of all that determines the result of `human_segmentations`; "" if the dataset has none."""
         return ""
 
+    def typical_n_segments(self) -> int | None:
+        """The number of segments that methods which need one are told to find.
+
+        Returns
+        -------
+        int or None
+            the most frequent number of segments in `human_segmentations`, the smallest of several; over all models of
+            the category if the dataset says so. None if there are none.
+        """
+        return most_frequent(len(np.unique(labels)) for labels in self.human_segmentations())
+
     def correspondence(self) -> NDArray[np.int64]:
         """The vertices of this model at the points that all models of its category have in common.
 
@@ -285,6 +296,18 @@ def require_available(what: str, requested: set[str], available: set[str], listi
 def listed_names(names: Sequence[str]) -> str:
     """The first of some names, for a message."""
     return ", ".join(names[:MOST_LISTED]) + (", …" if len(names) > MOST_LISTED else "")
+
+
+def most_frequent(numbers: Iterable[int]) -> int | None:
+    """The most frequent of some numbers from 0, the smallest of several; None if there are none.
+
+    Examples
+    --------
+    >>> most_frequent([7, 5, 5, 7, 3]), most_frequent([])
+    (5, None)
+    """
+    counts = np.bincount(list(numbers) or [0])
+    return int(counts.argmax()) or None
 
 
 def natural_order(name: str) -> list[tuple[int, str]]:

@@ -11,7 +11,7 @@ import hashlib
 import zipfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from studies.datasets.dataset import (
     DatasetError,
     Model,
     check_weld_option,
+    most_frequent,
     natural_order,
     require_available,
     selected_names,
@@ -123,6 +124,10 @@ class PSBModel(Model):
         """SHA-256 of the files of people's segmentations; "" if there are none."""
         files = self._human_files()
         return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest() if files else ""
+
+    def typical_n_segments(self) -> int | None:
+        """The most frequent number of segments over people and over the models of the category that are available."""
+        return _typical_n_segments(self.root, self.data, self.category)
 
     def _human_files(self) -> list[Path | zipfile.Path]:
         """The files of people's segmentations, in the order of their numbers."""
@@ -229,6 +234,13 @@ class PSB(Dataset):
         listing = ", ".join(dict.fromkeys(available.values()))
         require_available("categories", categories, set(available.values()), listing, root)
         return categories
+
+
+@lru_cache(maxsize=64)
+def _typical_n_segments(root: Path, data: str, category: str) -> int | None:
+    """As `PSBModel.typical_n_segments`, counted once per process."""
+    models = (PSBModel(str(number), category, root, data) for number in CATEGORIES[category])
+    return most_frequent(len(set(file.read_bytes().split())) for model in models for file in model._human_files())
 
 
 def _files(off: Path | zipfile.Path) -> dict[str, str]:

@@ -79,6 +79,11 @@ class BenchmarkTrial(Trial):
         return values | {name: float(np.mean([score[name] for score in scores])) for name in scores[0]}
 
 
+def _judged(model: Model, segmenters: Sequence[Segmenter]) -> list[Segmenter | None]:
+    """The segmenters, and None for the people, if several segmented the model."""
+    return [each.for_model(model) for each in segmenters] + ([] if model.ground_truth else [None])
+
+
 def has_people(model: Model) -> bool:
     """Whether the dataset of a model has segmentations by people."""
     return bool(model.human_digest()) or (
@@ -124,7 +129,7 @@ class Benchmark(Experiment):
             )
             for model in models
             for identity in [fingerprint(model)]
-            for judged in (segmenters if model.ground_truth else (*segmenters, None))
+            for judged in _judged(model, segmenters)
         ]
 
     def tables(self, rows: pd.DataFrame) -> list[Table]:

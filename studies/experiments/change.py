@@ -89,11 +89,12 @@ HIDDEN_SIZES = tuple(
 
 @dataclass(frozen=True)
 class Reference:
-    """A model's own mesh and its segmentation."""
+    """A model's own mesh and its segmentation, and the segmenter for its variants."""
 
     mesh: trimesh.Trimesh
     labels: np.ndarray
     truth: GroundTruth | None = None
+    segmenter: Segmenter | None = None
 
 
 @dataclass(frozen=True)
@@ -138,15 +139,20 @@ class ChangeTrial(Trial):
         """The model's mesh with these labels, or segmented if there are none."""
         loaded = self.model.load()
         mesh = perturb.as_trimesh(loaded.vertices, loaded.faces)
-        return Reference(mesh, self.segmenter(mesh.vertices, mesh.faces) if labels is None else labels)
+        if labels is not None:
+            return Reference(mesh, labels)
+        segmenter = self.segmenter.for_original(mesh.vertices, mesh.faces)
+        return Reference(mesh, segmenter(mesh.vertices, mesh.faces), segmenter=segmenter)
 
     def variant(self, reference: Reference, labels: np.ndarray | None = None) -> Variant:
         """The perturbed mesh with these labels, or segmented if there are none."""
+        original = reference.mesh
+        segmenter = reference.segmenter or self.segmenter.for_original(original.vertices, original.faces)
         start = time.perf_counter()
-        perturbed = self.perturbation(reference.mesh, np.random.default_rng(self.seed))
+        perturbed = self.perturbation(original, np.random.default_rng(self.seed))
         middle = time.perf_counter()
         if labels is None:
-            labels = self.segmenter(perturbed.mesh.vertices, perturbed.mesh.faces)
+            labels = segmenter(perturbed.mesh.vertices, perturbed.mesh.faces)
         end = time.perf_counter()
         return Variant(
             reference, perturbed.mesh, labels, perturbed.counterpart, perturbed.applied, middle - start, end - middle
@@ -336,7 +342,7 @@ class Change(Experiment):
         trials: list[Trial] = []
         for model in dataset.models():
             identity = fingerprint(model)
-            for segmenter in segmenters:
+            for segmenter in (each.for_model(model) for each in segmenters):
                 group_key = digest(identity, *segmenter.fingerprint)
                 for part_name, level, perturbation, unit, recipe in levels:
                     for repeat in repeats:

@@ -84,23 +84,22 @@ class PoseTrial(Trial):
     def prepare(self) -> dict[str, Pose | str]:
         """Every pose of the shape by name, or the reason why it could not be segmented."""
         poses: dict[str, Pose | str] = {}
+        segmenter = self.segmenter_of_shape()
         for model in self.poses:
             try:
-                poses[model.name] = self._segment(model)
+                poses[model.name] = _segment(model, segmenter)
             except BaseException as error:
                 if is_ctrl_c(error):
                     raise
                 poses[model.name] = reason(error)
         return poses
 
-    def _segment(self, model: Model) -> Pose:
-        mesh = model.load()
-        start = time.perf_counter()
-        labels = self.segmenter(mesh.vertices, mesh.faces)
-        seconds = time.perf_counter() - start
-        return Pose(
-            labels[model.correspondence()], len(mesh.vertices), len(mesh.faces), len(np.unique(labels)), seconds
-        )
+    def segmenter_of_shape(self) -> Segmenter:
+        """The segmenter for all poses; one that must be told how many segments to find is told that of the first."""
+        if not self.segmenter.is_told:
+            return self.segmenter
+        mesh = self.poses[0].load()
+        return self.segmenter.for_original(mesh.vertices, mesh.faces)
 
     def measure(self, prepared: Mapping[str, Pose | str]) -> dict[str, Any]:
         """Compare the two poses."""
@@ -116,6 +115,14 @@ class PoseTrial(Trial):
             **metrics.compare(Comparison(a.labels, b.labels)),
             "seconds_segment": b.seconds,
         }
+
+
+def _segment(model: Model, segmenter: Segmenter) -> Pose:
+    mesh = model.load()
+    start = time.perf_counter()
+    labels = segmenter(mesh.vertices, mesh.faces)
+    seconds = time.perf_counter() - start
+    return Pose(labels[model.correspondence()], len(mesh.vertices), len(mesh.faces), len(np.unique(labels)), seconds)
 
 
 def has_correspondence(model: Model) -> bool:
@@ -177,8 +184,9 @@ class Poses(Experiment):
         for shape, group in groupby(models, key=lambda model: model.category):
             poses = tuple(group)
             identities = {model.name: [*fingerprint(model), model.correspondence_digest()] for model in poses}
-            for segmenter in segmenters:
+            for segmenter in (each.for_model(poses[0]) for each in segmenters):
                 group_key = digest(identities, *segmenter.fingerprint)
+                told = [identities[poses[0].name]] if segmenter.is_told else []
                 for a, b in combinations(poses, 2):
                     trials.append(
                         PoseTrial(
@@ -193,9 +201,9 @@ class Poses(Experiment):
                             segmenter_name=segmenter.name,
                             perturbation_name="pose",
                             group_key=group_key,
-                            trial_id=digest("pose", identities[a.name], identities[b.name], *segmenter.fingerprint)[
-                                :24
-                            ],
+                            trial_id=digest(
+                                "pose", identities[a.name], identities[b.name], *segmenter.fingerprint, *told
+                            )[:24],
                         )
                     )
         if not trials:

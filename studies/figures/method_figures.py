@@ -429,7 +429,7 @@ class PosePlate(_Plate):
         for trial, name in shown:
             model = next(model for model in trial.poses if model.name == name)
             mesh = _load(model)
-            labels = trial.segmenter(mesh.vertices, mesh.faces)
+            labels = trial.segmenter_of_shape()(mesh.vertices, mesh.faces)
             common = labels[model.correspondence()]
             reference = first.setdefault(trial.part, common)
             label = f"{trial.part}, {trial.segmenter_name}" if several_segmenters else trial.part

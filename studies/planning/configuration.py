@@ -23,7 +23,7 @@ from studies.planning.errors import StudyError
 from studies.planning.fingerprint import with_version
 from studies.planning.names import check_name
 from studies.planning.options import check_groups_of_options, pass_to_experiment, replaced_by_levels
-from studies.planning.targets import check_required, construct
+from studies.planning.targets import REQUIRED, check_required, construct
 from studies.planning.types import expectation, has_type
 from studies.reporting.text import count_of
 from studies.storage.folders import UNPUBLISHED, is_published
@@ -37,12 +37,16 @@ if TYPE_CHECKING:
     from studies.reporting.publication import Publication
     from studies.segmenters import Segmenter
 
+ALL = "all"  # of the methods in conf/segmenter
+
 ON_ERROR = ("continue", "stop")
 
 # Options that are groups of options.
 GROUPS = ("study", "experiment", "dataset", "segmenter", "engine", "trial", "gallery")
 
 _OTHER_GROUPS = tuple(group for group in GROUPS if group != "gallery")  # whose options are not the experiment's
+
+_OF_METHODS = ("segmenters", "reference_segmenter")
 
 _FOR_DATASET = ("categories",)  # what a study suggests for datasets that have such an option
 
@@ -175,7 +179,7 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], swept: Mapping[str, st
 
         checked_gallery(_options(cfg, "gallery"))
     name = check_name("study.name", cfg.study.name)
-    cfg = pass_to_experiment(cfg, overrides, (*_OTHER_GROUPS, *GENERAL_OPTIONS, "segmenters", *_FOR_DATASET))
+    cfg = pass_to_experiment(cfg, overrides, (*_OTHER_GROUPS, *GENERAL_OPTIONS, *_OF_METHODS, *_FOR_DATASET))
     engine = _engine(_options(cfg, "engine"))
     if not cfg.dry_run:
         engine.warm_up()  # worker processes import what they need while this process plans
@@ -355,27 +359,47 @@ def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, .
     from studies.segmenters import make_segmenter
 
     single = _options(cfg, "segmenter")
+    reference = None
+    if cfg.get("reference_segmenter") is not None:
+        reference = make_segmenter(_options_of("reference_segmenter is", cfg.reference_segmenter))
     if cfg.get("segmenters") is None:
-        return (make_segmenter(single),)
-    names = cfg.segmenters
-    if not isinstance(names, ListConfig) or not names:
-        raise StudyError(
-            f"segmenters is {names!r}: it must be a list, as in 'segmenters=[heat_walk,my_package.method]'"
-        )
+        return (make_segmenter(single, reference),)
+    names = _names_of_segmenters(cfg.segmenters)
     chosen = next((o.partition("=")[2] for o in reversed(overrides) if o.startswith("segmenter=")), "heat_walk")
     if any(o.lstrip("+").startswith("segmenter") and not o.startswith("segmenters") for o in overrides) and (
         chosen not in names
     ):
-        raise StudyError(f"segmenter={chosen} has options, and segmenters={list(names)} does not contain {chosen}")
-    found = tuple(make_segmenter(single if name == chosen else _options_of(name)) for name in names)
+        raise StudyError(f"segmenter={chosen} has options, and segmenters={names} does not contain {chosen}")
+    found = tuple(
+        make_segmenter(single if name == chosen else _options_of("segmenters contains", name), reference)
+        for name in names
+    )
     duplicates = {one.name for i, one in enumerate(found) for other in found[:i] if one.name == other.name}
     if duplicates:
         raise StudyError(f"segmenters contains {', '.join(sorted(duplicates))} twice: their names must differ")
     return found
 
 
-def _options_of(name: Any) -> dict[str, Any]:
-    """The options of an entry of ``segmenters``: a name in conf/segmenter, a dotted name, or options themselves."""
+def _names_of_segmenters(names: Any) -> list[Any]:
+    """The entries of ``segmenters``; "all" is every method in conf/segmenter that needs no further options."""
+    if names == ALL:
+        names = [ALL]
+    if not isinstance(names, list | ListConfig) or not names:
+        raise StudyError(
+            f"segmenters is {names!r}: it must be a list, as in 'segmenters=[heat_walk,my_package.method]', or {ALL}"
+        )
+    known = _known_segmenters() if ALL in names else []
+    others = [name for name in known if name not in names and REQUIRED not in _options_of("", name).values()]
+    return [each for name in names for each in (others if name == ALL else [name])]
+
+
+def _known_segmenters() -> list[str]:
+    """The names in conf/segmenter, and in further folders of the search path."""
+    return GlobalHydra.instance().config_loader().get_group_options("segmenter")
+
+
+def _options_of(where: str, name: Any) -> dict[str, Any]:
+    """The options of a segmenter: a name in conf/segmenter, a dotted name, or options themselves."""
     if isinstance(name, DictConfig):
         return OmegaConf.to_container(name, resolve=True)  # type: ignore[return-value]
     if "." in str(name):
@@ -383,10 +407,9 @@ def _options_of(name: Any) -> dict[str, Any]:
     try:
         cfg = compose(f"segmenter/{name}")
     except HydraException as error:
-        loader = GlobalHydra.instance().config_loader()
-        known = ", ".join(loader.get_group_options("segmenter"))
         raise StudyError(
-            f"segmenters contains {name!r}, which is neither one of {known} nor a dotted name such as my_package.method"
+            f"{where} {name!r}, which is neither one of {', '.join(_known_segmenters())} nor a dotted name such as "
+            "my_package.method"
         ) from error
     return _options(cfg, "segmenter")
 

@@ -8,15 +8,21 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from studies.planning.fingerprint import digest_of_code
 from studies.planning.targets import check_required, construct, locate
+from studies.segmenters.about import About
 from studies.segmenters.heat_walk import HeatWalk
 from studies.segmenters.labels import LABELS_OF, LabelError, labels_at_vertices
+
+if TYPE_CHECKING:
+    from studies.datasets import Model
+
+TOLD = "n_segments"  # the argument of methods that are told how many segments to find
 
 _EXAMPLES = {"_target_": "my_package.my_method", "command": "mytool {mesh} {labels}"}
 
@@ -42,6 +48,11 @@ class Segmenter:
         what else determines the labels: a number that developers raise, or a digest of code or program
     labels_of : {"auto", "vertices", "faces"}
         what the labels of the method belong to, as in `labels_at_vertices`
+    reference : Segmenter or None
+        of a method that must be told how many segments to find: whose number of segments of the original mesh it is
+        told if ``n_segments`` is None
+    n_segments : int or None
+        how many segments such a method is told to find, see `for_model`
 
     See Also
     --------
@@ -53,12 +64,41 @@ class Segmenter:
     recipe: str
     version: int | str
     labels_of: str = "auto"
+    reference: Segmenter | None = None
+    n_segments: int | None = None
+
+    @property
+    def is_told(self) -> bool:
+        """Whether the method must be told how many segments to find."""
+        return self.reference is not None
+
+    @property
+    def about(self) -> About | None:
+        """Where the method comes from, if it declares that."""
+        about = getattr(self.method, "about", None)
+        return about if isinstance(about, About) else None
+
+    def for_model(self, model: Model) -> Segmenter:
+        """This segmenter for a model and its variants, told the typical number of segments of the model if it has one.
+
+        A method that finds the number itself, or a model that nobody has segmented, changes nothing.
+        """
+        return dataclasses.replace(self, n_segments=model.typical_n_segments()) if self.is_told else self
+
+    def for_original(self, vertices: ArrayLike, faces: ArrayLike) -> Segmenter:
+        """This segmenter for a mesh and its variants, told the reference's number of segments if it has no other."""
+        if self.reference is None or self.n_segments is not None:
+            return self
+        return dataclasses.replace(self, n_segments=len(np.unique(self.reference(vertices, faces))))
 
     @property
     def fingerprint(self) -> list[Any]:
         """What determines the labels of a mesh: ``[options, version]``, plain values that are part of trial ids."""
         options = json.loads(self.recipe) | ({} if self.labels_of == "auto" else {"labels_of": self.labels_of})
-        return [options, self.version]
+        if self.reference is None:
+            return [options, self.version]
+        told = self.reference.fingerprint if self.n_segments is None else self.n_segments
+        return [options, self.version, told]
 
     @property
     def options(self) -> dict[str, Any]:
@@ -68,10 +108,11 @@ class Segmenter:
         plain = (str, int, float, bool, list, tuple, type(None))
         defaults = {
             name: parameter.default
-            for name, parameter in _signature(target).parameters.items()
+            for name, parameter in signature(target).parameters.items()
             if isinstance(parameter.default, plain)
         }
-        return defaults | {key: value for key, value in recipe.items() if not key.startswith("_")}
+        told = {"told_n_segments": self.n_segments or f"of {self.reference.name}"} if self.reference else {}
+        return defaults | {key: value for key, value in recipe.items() if not key.startswith("_")} | told
 
     @property
     def method(self) -> Any:
@@ -101,15 +142,16 @@ class Segmenter:
             Whatever the method raises.
         """
         vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+        told = {TOLD: self.for_original(vertices, faces).n_segments} if self.is_told else {}
         # Copies, because a method may modify its arguments.
-        labels = self.method(vertices.copy(), faces.copy())
+        labels = self.method(vertices.copy(), faces.copy(), **told)
         try:
             return labels_at_vertices(labels, vertices, faces, self.labels_of)
         except LabelError as error:
             raise LabelError(f"{self.name} returned {error}") from error
 
 
-def make_segmenter(options: Mapping[str, Any]) -> Segmenter:
+def make_segmenter(options: Mapping[str, Any], reference: Segmenter | None = None) -> Segmenter:
     """The segmenter that the options ``segmenter.*`` describe.
 
     ``_target_`` names a class, whose instances are called with (vertices, faces), or any other callable, which is
@@ -118,13 +160,20 @@ def make_segmenter(options: Mapping[str, Any]) -> Segmenter:
     ``_target_``, to which options with another value than their default are added unless it is a property; and
     ``algorithm_version``, by default a digest of the code of the package, or of the module, that
     defines the target. Targets inside ``studies`` must declare ``algorithm_version``: the digest would change with
-    every file of this project.
+    every file of this project. Two attributes of a class are used if it has them: ``labels_of``, what its labels belong
+    to, and ``about``.
+
+    A method that takes a third argument ``n_segments``, for which there is no option, is told how many segments to
+    find: the typical number of people's segmentations of the model, or else that of ``reference`` on the original; for
+    a variant the same as for the original.
 
     Parameters
     ----------
     options : mapping
         ``_target_``; optionally ``labels_of``, see `labels_at_vertices`; and the options of the method. Plain values
         that JSON can represent.
+    reference : Segmenter, optional
+        whose number of segments such a method is told; by default that of the Heat Walk
 
     Returns
     -------
@@ -144,8 +193,8 @@ def make_segmenter(options: Mapping[str, Any]) -> Segmenter:
     """
     check_required("segmenter", options, _EXAMPLES, SegmenterError)
     options = dict(options)
-    labels_of = options.pop("labels_of", "auto")
-    if labels_of not in LABELS_OF:
+    labels_of = options.pop("labels_of", None)
+    if labels_of not in (None, *LABELS_OF):
         raise SegmenterError(f"segmenter.labels_of is {labels_of!r}: choose one of {', '.join(LABELS_OF)}")
     name = options["_target_"]
     target = locate("segmenter", name, SegmenterError)
@@ -158,14 +207,28 @@ def make_segmenter(options: Mapping[str, Any]) -> Segmenter:
     method = _method(recipe)
     if not callable(method):
         raise SegmenterError(f"segmenter._target_={name}: a {name} cannot be called with (vertices, faces)")
+    is_told = TOLD not in options and TOLD in signature(method).parameters
     if not isinstance(target, type):
-        _check_options(name, target, options)
+        _check_options(name, target, options | ({TOLD: 2} if is_told else {}))
     return Segmenter(
         name=_full_name(name, target, method, options),
         recipe=recipe,
         version=_version(name, target, method),
-        labels_of=labels_of,
+        labels_of=labels_of or getattr(method, "labels_of", "auto"),
+        reference=_reference(reference) if is_told else None,
     )
+
+
+def _reference(reference: Segmenter | None) -> Segmenter:
+    """The method whose number of segments others are told."""
+    if reference is None:
+        return make_segmenter({"_target_": "studies.segmenters.HeatWalk"})
+    if reference.is_told:
+        raise SegmenterError(
+            f"reference_segmenter={reference.name} must itself be told how many segments to find; choose a method that "
+            "finds their number, such as heat_walk"
+        )
+    return reference
 
 
 @lru_cache(maxsize=8)
@@ -181,7 +244,7 @@ def _full_name(
     base = str(getattr(method, "name", name.rsplit(".", 1)[-1]))
     if isinstance(getattr(type(method), "name", None), property | cached_property):
         return base  # the method itself says what tells it apart
-    parameters = _signature(target).parameters
+    parameters = signature(target).parameters
     changed = [
         f"{key}={value}"
         for key, value in options.items()
@@ -209,7 +272,7 @@ def _without_heat_walk_options(options: dict[str, Any], target: Callable[..., An
     defaults = {field.name: field.default for field in dataclasses.fields(HeatWalk)}
     if not defaults.keys() <= options.keys():
         return options
-    accepted = _signature(target).parameters
+    accepted = signature(target).parameters
     ambiguous = [key for key, value in defaults.items() if options[key] != value or key in accepted]
     if ambiguous:
         raise SegmenterError(
@@ -223,7 +286,7 @@ def _check_options(name: str, function: Callable[..., Any], options: Mapping[str
     """Refuse options that a function does not have, before any trial is run."""
     keywords = {key: value for key, value in options.items() if not key.startswith("_")}
     try:
-        _signature(function).bind("vertices", "faces", **keywords)
+        signature(function).bind("vertices", "faces", **keywords)
     except TypeError as error:
         raise SegmenterError(
             f"segmenter._target_={name} cannot be called with (vertices, faces"
@@ -231,7 +294,7 @@ def _check_options(name: str, function: Callable[..., Any], options: Mapping[str
         ) from error
 
 
-def _signature(function: Callable[..., Any]) -> inspect.Signature:
+def signature(function: Callable[..., Any]) -> inspect.Signature:
     """The signature of a function; some compiled functions have none, and refuse unknown options themselves."""
     try:
         return inspect.signature(function)
