@@ -43,8 +43,9 @@ class DualGraph:
     Examples
     --------
     >>> import trimesh
-    >>> graph = DualGraph.of(*(lambda box: (box.vertices, box.faces))(trimesh.creation.box()))
-    >>> len(graph.pairs), sorted(set(np.round(graph.angles, 6)))
+    >>> box = trimesh.creation.box()
+    >>> graph = DualGraph.of(box.vertices, box.faces)
+    >>> len(graph.pairs), sorted(set(np.round(graph.angles, 6).tolist()))
     (18, [0.0, 1.570796])
     """
 
