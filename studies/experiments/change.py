@@ -26,7 +26,9 @@ from studies.experiments.experiment import (
     Experiment,
     by_segmenter,
     frame_of,
+    note_on_told,
     require_whole_number,
+    told_methods,
 )
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
@@ -385,7 +387,7 @@ class Change(Experiment):
             name="table",
             frame=summary(rows),
             columns=columns_by_level(rows),
-            notes=self.notes,
+            notes=" ".join(filter(None, (self.notes, note_on_told(told_methods(rows))))),
             value="mean",
         )  # fmt: skip
         return [table, *filter(None, (_table_by_category(rows), _accuracy(rows), _failures_and_seconds(rows)))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from studies.planning.errors import StudyError
 from studies.planning.names import check_name
 from studies.planning.trial import Trial
 from studies.planning.types import has_type
+from studies.segmenters.segmenter import TOLD_OPTION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,6 +40,9 @@ FAILURES = Column(
     name="failures", dtype="int64", heading="failed", format=".0f", lower_is_better=True, help="Trials that failed."
 )
 """Column of tables that count failed trials."""
+
+TOLD = Column(name="told", dtype="string", help="Whether the method is told how many segments to find.")
+"""Column of tables of methods that says which are told the number, which others have to find."""
 
 PUBLISHED = Column(name="published", help="Published value; `studies.reporting` puts the column of a publication here.")
 """Where a table shows published values; without it, a table shows none."""
@@ -132,6 +137,20 @@ def row_columns(experiment: type[Experiment] | Experiment) -> tuple[Column, ...]
 def by_segmenter(rows: pd.DataFrame) -> list[str]:
     """The columns that tables of these rows are grouped by first: the segmenter, if there are several."""
     return ["segmenter"] if rows["segmenter"].nunique() > 1 else []
+
+
+def told_methods(rows: pd.DataFrame) -> list[str]:
+    """Names of the methods of some rows that are told how many segments to find."""
+    if "segmenter_options" not in rows:
+        return []
+    methods = rows[["segmenter", "segmenter_options"]].dropna().drop_duplicates()
+    told = methods["segmenter_options"].map(lambda options: TOLD_OPTION in json.loads(options)).astype(bool)
+    return list(dict.fromkeys(methods.loc[told, "segmenter"].astype(str)))
+
+
+def note_on_told(methods: Sequence[str]) -> str:
+    """A sentence that names the methods that are told how many segments to find; "" if there are none."""
+    return f"Told how many segments to find: {', '.join(methods)}." if methods else ""
 
 
 def frame_of(records: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.DataFrame:
