@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -17,9 +16,12 @@ from studies.datasets import Model
 from studies.experiments.experiment import (
     FAILURES,
     MODELS,
+    PEAK_MEMORY,
+    SEGMENTER,
     TOLD,
     Experiment,
     frame_of,
+    measured,
     note_on_told,
     told_methods,
 )
@@ -45,6 +47,17 @@ NOTE_ON_AUTHORS = (
 )
 
 METHOD = Column(name="method", dtype="string", help="Segmentation method.")
+SECONDS = Column(
+    name="seconds_segment",
+    heading="seconds",
+    format=".3f",
+    unit="s",
+    lower_is_better=True,
+    help="Mean time that segmenting a model took.",
+)
+LARGEST_SECONDS = dataclasses.replace(
+    SECONDS, name="largest_seconds", heading="longest (s)", help="Longest time that segmenting a model took."
+)
 SOURCE = Column(name="source", dtype="string", help="Where the values come from.")
 
 
@@ -113,9 +126,7 @@ class BenchmarkTrial(Trial):
             scores = [psb.evaluate(mesh, a, b) for a, b in combinations(people, 2)]
             values["n_segments"] = round(float(np.mean([len(np.unique(labels)) for labels in people])))
         else:
-            start = time.perf_counter()
-            labels = self.segmenter(mesh.vertices, mesh.faces)
-            values["seconds_segment"] = time.perf_counter() - start
+            labels, values["seconds_segment"], values["peak_memory"] = measured(self.segmenter, mesh)
             values["n_segments"] = len(np.unique(labels))
             face_labels = faces_from_vertices(labels, mesh.faces)
             scores = psb.Evaluator(mesh, people).evaluate(face_labels)
@@ -236,14 +247,7 @@ class Benchmark(Experiment):
             columns=(METHOD, SOURCE, TOLD, *scores, MODELS, FAILURES),
             notes=" ".join(filter(None, (self.notes, _note_on_authors(rows), note_on_told(told)))),
         )
-        if rows["category"].nunique() < 2:
-            return [table]
-        by_category = frame_of(
-            {"method": name, "category": category} | _scores(group)
-            for (name, category), group in rows.groupby(["segmenter", "category"], sort=False)
-        )
-        category = Column(name="category", dtype="string", help="Category of the models.")
-        return [table, Table("by_category", by_category, (METHOD, category, *scores, MODELS, FAILURES))]
+        return [table, *filter(None, (_table_by_category(rows, scores), _cost(rows)))]
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
         """Every metric of every method, with its interval."""
@@ -251,6 +255,39 @@ class Benchmark(Experiment):
 
         metrics = [column for column in psb.COLUMNS if column.name in psb.MAIN]
         return {study: charts.method_scores(tables["table"], metrics, title)}
+
+
+def _table_by_category(rows: pd.DataFrame, scores: Sequence[Column]) -> Table | None:
+    """The scores by method and category; None if there are not several categories."""
+    if rows["category"].nunique() < 2:
+        return None
+    frame = frame_of(
+        {"method": name, "category": category} | _scores(group)
+        for (name, category), group in rows.groupby(["segmenter", "category"], sort=False)
+    )
+    category = Column(name="category", dtype="string", help="Category of the models.")
+    return Table("by_category", frame, (METHOD, category, *scores, MODELS, FAILURES))
+
+
+def _cost(rows: pd.DataFrame) -> Table | None:
+    """Seconds and peak memory of each method; None if the rows are from before memory was measured.
+
+    In a table of its own, because they differ between runs, and the others do not.
+    """
+    if PEAK_MEMORY.name not in rows or rows[PEAK_MEMORY.name].isna().all():
+        return None
+    good = rows[(rows["status"] == "ok") & rows["segmenter_options"].notna()]
+    frame = frame_of(
+        {
+            "segmenter": name,
+            SECONDS.name: group[SECONDS.name].mean(),
+            LARGEST_SECONDS.name: group[SECONDS.name].max(),
+            PEAK_MEMORY.name: group[PEAK_MEMORY.name].max(),
+            MODELS.name: len(group),
+        }
+        for name, group in good.groupby("segmenter", sort=False)
+    )
+    return Table("cost", frame, (SEGMENTER, SECONDS, LARGEST_SECONDS, PEAK_MEMORY, MODELS))
 
 
 def _named(name: str) -> dict[str, str]:

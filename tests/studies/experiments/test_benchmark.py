@@ -225,3 +225,20 @@ def test_workers_that_cannot_read_the_files_score_the_same(plan, with_methods, r
     (damaged,) = (trial for trial in trials if trial.segmenter_name == "KMeans (authors)")
     with pytest.raises(MeshError, match=r"50\.seg"):
         damaged.measure(prepared)
+
+
+def test_the_table_of_costs_has_seconds_and_memory_of_what_was_run_here(rows_with_methods):
+    cost = {table.name: table for table in Benchmark().tables(rows_with_methods)}["cost"].frame.set_index("segmenter")
+    assert list(cost.index) == ["OneSegment", "Voronoi"]
+    for name, rows in rows_with_methods.groupby("segmenter"):
+        if name in cost.index:
+            assert cost.loc[name, "seconds_segment"] == pytest.approx(rows["seconds_segment"].mean())
+            assert cost.loc[name, "largest_seconds"] == rows["seconds_segment"].max()
+            assert cost.loc[name, "peak_memory"] == rows["peak_memory"].max()
+        else:
+            assert rows["peak_memory"].isna().all()
+
+
+def test_rows_that_are_older_than_the_measurement_of_memory_have_no_table_of_costs(rows_with_methods):
+    older = rows_with_methods.assign(peak_memory=float("nan"))
+    assert "cost" not in [table.name for table in Benchmark().tables(older)]
