@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 MISSING = "–"  # what is shown for a value that is missing
 
+# Values of the column ``source`` in a table of methods; a publication has a word of its own.
+COMPUTED = "computed"  # segmented and scored here
+AUTHORS = "authors"  # scored here, from the segmentations by a method's authors that come with the dataset
+
 
 @dataclass(frozen=True, kw_only=True)
 class Column:

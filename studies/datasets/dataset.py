@@ -114,6 +114,36 @@ class Model(ABC):
         """SHA-256 of all that determines the result of `human_segmentations`; "" if the dataset has none."""
         return ""
 
+    def method_digests(self) -> dict[str, str]:
+        """The methods whose segmentations of the model come with the dataset, as their authors computed them.
+
+        Returns
+        -------
+        dict of str to str
+            name of the method -> SHA-256 of all that determines the result of `method_segmentation`; empty if there are
+            none
+        """
+        return {}
+
+    def method_segmentation(self, method: str) -> NDArray[np.int64]:
+        """The segmentation that comes with the dataset as the result of a method in `method_digests`.
+
+        Parameters
+        ----------
+        method : str
+
+        Returns
+        -------
+        (m,) int64 array
+            face labels
+
+        Raises
+        ------
+        ValueError
+            If it cannot be read.
+        """
+        raise ValueError(f"model {self.name} has no segmentation by {method}")
+
     def typical_n_segments(self) -> int | None:
         """The number of segments that methods which need one are told to find.
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -48,6 +49,14 @@ class EmbeddedModel(Model):
         """The digest of the model's segmentations by people."""
         return self.model.human_digest()
 
+    def method_digests(self) -> dict[str, str]:
+        """The digests of the model's segmentations by methods."""
+        return self.model.method_digests()
+
+    def method_segmentation(self, method: str) -> NDArray[np.int64]:
+        """The segmentation of the model by a method."""
+        return self.model.method_segmentation(method)
+
     def correspondence(self) -> NDArray[np.int64]:
         """The correspondence of the model."""
         return self.model.correspondence()
@@ -57,15 +66,20 @@ class EmbeddedModel(Model):
         return self.model.correspondence_digest()
 
     def __reduce__(self) -> tuple[Callable[..., Model], tuple[Any, ...]]:
-        content: dict[str, Any] = {}
-        for method in _CONTENT:
-            try:
-                content[method] = getattr(self.model, method)()
-            except BaseException as error:
-                if is_ctrl_c(error):
-                    raise
-                content[method] = error  # raised by the worker, if it calls the method at all
-        return InMemoryModel, (self.name, self.category, content)
+        content = {name: _result_of(getattr(self.model, name)) for name in _CONTENT}
+        methods = self.model.method_digests()
+        by_methods = {method: _result_of(partial(self.model.method_segmentation, method)) for method in methods}
+        return InMemoryModel, (self.name, self.category, content, by_methods)
+
+
+def _result_of(function: Callable[[], Any]) -> Any:
+    """What a function returns, or the exception that it raises: the worker raises it, if it asks for the result."""
+    try:
+        return function()
+    except BaseException as error:
+        if is_ctrl_c(error):
+            raise
+        return error
 
 
 @dataclass(frozen=True)
@@ -76,9 +90,12 @@ class InMemoryModel(Model):
     ----------
     content : dict
         name of a method of `Model` -> what it returns, or the exception that it raises
+    by_methods : dict
+        name of a segmentation method -> its segmentation of the model, or the exception that reading it raised
     """
 
     content: dict[str, Any]
+    by_methods: dict[str, Any] = field(default_factory=dict)
 
     def load(self) -> LoadedMesh:
         """The mesh."""
@@ -98,15 +115,24 @@ class InMemoryModel(Model):
         """The segmentations by people."""
         return self._result("human_segmentations")
 
+    def method_segmentation(self, method: str) -> NDArray[np.int64]:
+        """The segmentation by a method."""
+        return _value_of(self.by_methods[method])
+
     def correspondence(self) -> NDArray[np.int64]:
         """The vertices at common points."""
         return self._result("correspondence")
 
     def _result(self, method: str) -> Any:
         """What a method of the original model returned; raises what it raised."""
-        if isinstance(self.content[method], BaseException):
-            raise self.content[method]
-        return self.content[method]
+        return _value_of(self.content[method])
+
+
+def _value_of(result: Any) -> Any:
+    """A result, which is raised if it is an exception."""
+    if isinstance(result, BaseException):
+        raise result
+    return result
 
 
 def embed_models(trial: AnyTrial) -> AnyTrial:
@@ -139,10 +165,10 @@ def embed_models(trial: AnyTrial) -> AnyTrial:
         return embedded.setdefault(model, EmbeddedModel(model.name, model.category, model))
 
     fields: dict[str, Any] = {}
-    for field in dataclasses.fields(trial):  # type: ignore[arg-type]
-        value = getattr(trial, field.name)
+    for name in [each.name for each in dataclasses.fields(trial)]:  # type: ignore[arg-type]
+        value = getattr(trial, name)
         if isinstance(value, Model):
-            fields[field.name] = embed(value)
+            fields[name] = embed(value)
         elif isinstance(value, tuple) and any(isinstance(model, Model) for model in value):
-            fields[field.name] = tuple(embed(each) if isinstance(each, Model) else each for each in value)
+            fields[name] = tuple(embed(each) if isinstance(each, Model) else each for each in value)
     return dataclasses.replace(trial, **fields)  # type: ignore[type-var]

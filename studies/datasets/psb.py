@@ -72,12 +72,15 @@ NON_RIGID = (
     "FourLeg",
 )
 
+PEOPLE = "Benchmark"  # the folder of people's segmentations
+
 _CATEGORY_OF = {str(number): category for category, numbers in CATEGORIES.items() for number in numbers}
 
 _LAYOUT = """\
 The Princeton Segmentation Benchmark (https://segeval.cs.princeton.edu), a folder or a zip archive, contains
     MeshsegBenchmark-1.0/data/off/1.off …                       the models
     MeshsegBenchmark-1.0/data/seg/Benchmark/1/1_0.seg …         the segmentations by people
+    MeshsegBenchmark-1.0/data/seg/RandCuts/1.seg …              those by methods, if any
 Set its location by dataset.root=PATH, or by the environment variable PSB_ROOT."""
 
 
@@ -123,23 +126,38 @@ class PSBModel(Model):
     def human_digest(self) -> str:
         """SHA-256 of the files of people's segmentations; "" if there are none."""
         files = self._human_files()
-        return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest() if files else ""
+        return _digest_of(files) if files else ""
 
     def typical_n_segments(self) -> int | None:
         """The most frequent number of segments over people and over the models of the category that are available."""
         return _typical_n_segments(self.root, self.data, self.category)
 
+    def method_digests(self) -> dict[str, str]:
+        """SHA-256 of the files in the folders beside people's, by name of the folder: RandCuts and so on.
+
+        A folder contains ``seg/RandCuts/1.seg``, or as people's ``seg/RandCuts/1/1_0.seg``, and need not have every
+        model.
+        """
+        methods = {method: self._method_files(method) for method in _methods(self.root, self.data)}
+        return {method: _digest_of(files) for method, files in methods.items() if files}
+
+    def method_segmentation(self, method: str) -> NDArray[np.int64]:
+        """The face labels in the file of a method; a ValueError if it has several for the model."""
+        files = self._method_files(method)
+        if len(files) != 1:
+            found = count_of(len(files), "segmentation")
+            raise ValueError(f"{method} has {found} of model {self.name}; one is expected")
+        return read(files[0], read_seg)
+
     def _human_files(self) -> list[Path | zipfile.Path]:
         """The files of people's segmentations, in the order of their numbers."""
-        segmentations = folder(self.root, self.data) / "seg" / "Benchmark" / self.name
-        if not segmentations.is_dir():
-            return []
-        files = (
-            file
-            for file in segmentations.iterdir()
-            if file.name.lower().endswith(".seg") and not is_macos_metadata(file.name)
-        )
-        return sorted(files, key=lambda file: natural_order(file.name))
+        return _seg_files(folder(self.root, self.data) / "seg" / PEOPLE / self.name)
+
+    def _method_files(self, method: str) -> list[Path | zipfile.Path]:
+        """The files of a method's segmentations of the model, of which there should be one."""
+        segmentations = folder(self.root, self.data) / "seg" / method
+        file = segmentations / f"{self.name}.seg"
+        return [file] if file.is_file() else _seg_files(segmentations / self.name)
 
     def _off(self) -> Path | zipfile.Path:
         """The OFF file."""
@@ -234,6 +252,44 @@ class PSB(Dataset):
         listing = ", ".join(dict.fromkeys(available.values()))
         require_available("categories", categories, set(available.values()), listing, root)
         return categories
+
+
+def _methods(root: Path, data: str) -> list[str]:
+    """The names of the folders beside people's, sorted."""
+    if root.is_dir():
+        return _folders_of_methods(root / data / "seg")
+    return _methods_in_archive(root, data, root.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _methods_in_archive(root: Path, data: str, modified: int) -> list[str]:
+    """As `_methods`, found once: that looks through all members of an archive."""
+    return _folders_of_methods(folder(root, data) / "seg")
+
+
+def _folders_of_methods(segmentations: Path | zipfile.Path) -> list[str]:
+    """The names of the folders in the one of segmentations that are not people's, sorted."""
+    if not segmentations.is_dir():
+        return []
+    folders = (child.name for child in segmentations.iterdir() if child.is_dir() and not is_macos_metadata(child.name))
+    return sorted(name for name in folders if name != PEOPLE)
+
+
+def _seg_files(segmentations: Path | zipfile.Path) -> list[Path | zipfile.Path]:
+    """The .seg files in a folder, in the order of their numbers; none if there is no such folder."""
+    if not segmentations.is_dir():
+        return []
+    files = (
+        file
+        for file in segmentations.iterdir()
+        if file.name.lower().endswith(".seg") and not is_macos_metadata(file.name)
+    )
+    return sorted(files, key=lambda file: natural_order(file.name))
+
+
+def _digest_of(files: Iterable[Path | zipfile.Path]) -> str:
+    """SHA-256 of the content of files."""
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
 
 @lru_cache(maxsize=64)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from studies import storage
 from studies.experiments.experiment import row_columns
-from studies.planning.trial import planned_row
+from studies.planning.trial import failed_row, planned_row
 from studies.reporting.origin import MadeFrom
 from studies.reporting.text import count_of
 
@@ -209,12 +209,15 @@ def _run_missing(study: Study, missing: Sequence[Trial], store: storage.RowStore
     except KeyboardInterrupt:
         return INTERRUPTED
     labels = storage.LabelStore(study.folder)
+    planned = {trial.trial_id: trial for trial in missing}
+    declared = {column.name for column in row_columns(study.experiment)} | {"seconds"}  # which the schedule adds
     try:
         with (
             Progress(len(missing), study.engine, console) as progress,
             closing(run_trials(study.engine, missing)) as rows,
         ):
-            for row in rows:
+            for each in rows:
+                row = _declared_row(each, planned[each["trial_id"]], declared)
                 _store(row, store, labels)
                 progress.count(row["status"])
                 _show_traceback(row, study.engine, progress.console)
@@ -256,6 +259,15 @@ def _show_traceback(row: Mapping[str, Any], engine: Engine, console: Console) ->
 
     if isinstance(engine, Serial) and row.get("traceback"):
         console.print(f"{_place(row)}:\n{row['traceback']}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _declared_row(row: dict[str, Any], trial: Trial, declared: Collection[str]) -> dict[str, Any]:
+    """A row, which becomes one that failed if it has values that no column is declared for: they would be lost."""
+    undeclared = [name for name, value in row.items() if name not in declared and not isinstance(value, np.ndarray)]
+    if not undeclared:
+        return row
+    names = ", ".join(undeclared)
+    return failed_row(trial, "failed", f"measure() returns {names}: declare a Column in the experiment's `columns`")
 
 
 def _store(row: dict[str, Any], store: storage.RowStore, labels: storage.LabelStore) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -12,9 +11,20 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from heatwalk import LoadedMesh, faces_from_vertices
-from studies.columns import Column, Table
+from studies.columns import AUTHORS, COMPUTED, Column, Table
 from studies.datasets import Model
-from studies.experiments.experiment import FAILURES, MODELS, Experiment, frame_of
+from studies.experiments.experiment import (
+    FAILURES,
+    MODELS,
+    PEAK_MEMORY,
+    SEGMENTER,
+    TOLD,
+    Experiment,
+    frame_of,
+    measured,
+    note_on_told,
+    told_methods,
+)
 from studies.metrics import psb
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, fingerprint
@@ -30,7 +40,42 @@ if TYPE_CHECKING:
     from studies.figures.charts import Chart
 
 PEOPLE = "Humans"
-COMPUTED = "computed"  # the source of what was not published elsewhere
+OF_AUTHORS = f" ({AUTHORS})"  # behind the names of their methods in rows, where they may be next to our own
+NOTE_ON_AUTHORS = (
+    "Source authors: computed here from the segmentations by the method's authors that come with the dataset, which may"
+    " lack some models."
+)
+
+METHOD = Column(name="method", dtype="string", help="Segmentation method.")
+SECONDS = Column(
+    name="seconds_segment",
+    heading="seconds",
+    format=".3f",
+    unit="s",
+    lower_is_better=True,
+    help="Mean time that segmenting a model took.",
+)
+LARGEST_SECONDS = dataclasses.replace(
+    SECONDS, name="largest_seconds", heading="longest (s)", help="Longest time that segmenting a model took."
+)
+SOURCE = Column(name="source", dtype="string", help="Where the values come from.")
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What the trials of a model share: its mesh, and segmentations of its faces.
+
+    Parameters
+    ----------
+    mesh : LoadedMesh
+    people : list of (m,) int array
+    by_methods : dict of str to (m,) int array
+        those that come with the dataset, by method; or what reading one raised
+    """
+
+    mesh: LoadedMesh
+    people: list[np.ndarray]
+    by_methods: Mapping[str, np.ndarray | Exception]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,48 +85,99 @@ class BenchmarkTrial(Trial):
     Parameters
     ----------
     segmenter : Segmenter or None
-        None for the people
+        None for the people, and for a method of others
+    method : str
+        the method whose segmentation, as its authors computed it, comes with the dataset; "" for all others
+    methods : tuple of str
+        every such method of the model
     ground_truth : bool
         whether the model has one exact segmentation, which is compared with, instead of those by people
     """
 
     segmenter: Segmenter | None
+    method: str = ""
+    methods: tuple[str, ...] = ()
     ground_truth: bool = False
 
-    def prepare(self) -> tuple[LoadedMesh, list[np.ndarray]]:
-        """The mesh and people's segmentations of its faces."""
+    def prepare(self) -> Prepared:
+        """The mesh, and the segmentations of its faces by people and by methods of others."""
         people = self.model.human_segmentations()
         if len(people) < 2 and not self.ground_truth:
             raise ValueError(
                 f"model {self.model.name} has {count_of(len(people), 'segmentation')} by people; two are needed"
             )
-        return self.model.load(), people
+        by_methods = {method: _read_segmentation(self.model, method) for method in self.methods}
+        return Prepared(self.model.load(), people, by_methods)
 
-    def measure(self, prepared: tuple[LoadedMesh, list[np.ndarray]]) -> dict[str, Any]:
+    def measure(self, prepared: Prepared) -> dict[str, Any]:
         """The mean of every metric over people."""
-        mesh, people = prepared
+        mesh, people = prepared.mesh, prepared.people
         values: dict[str, Any] = {
             "n_vertices": len(mesh.vertices),
             "n_faces": len(mesh.faces),
             "n_people": len(people),
         }
-        if self.segmenter is None:
+        if self.method:
+            face_labels = self._checked(prepared.by_methods[self.method], len(mesh.faces))
+            values["n_segments"] = len(np.unique(face_labels))
+            scores = psb.Evaluator(mesh, people).evaluate(face_labels)
+        elif self.segmenter is None:
             # Each pair once: the metrics that are shown are symmetric.
             scores = [psb.evaluate(mesh, a, b) for a, b in combinations(people, 2)]
             values["n_segments"] = round(float(np.mean([len(np.unique(labels)) for labels in people])))
         else:
-            start = time.perf_counter()
-            labels = self.segmenter(mesh.vertices, mesh.faces)
-            values["seconds_segment"] = time.perf_counter() - start
+            labels, values["seconds_segment"], values["peak_memory"] = measured(self.segmenter, mesh)
             values["n_segments"] = len(np.unique(labels))
             face_labels = faces_from_vertices(labels, mesh.faces)
             scores = psb.Evaluator(mesh, people).evaluate(face_labels)
         return values | {name: float(np.mean([score[name] for score in scores])) for name in scores[0]}
 
+    def _checked(self, labels: np.ndarray | Exception, n_faces: int) -> np.ndarray:
+        """The face labels that come with the dataset, one per face; what reading them raised is raised."""
+        if isinstance(labels, Exception):
+            raise labels
+        if len(labels) != n_faces:
+            raise ValueError(
+                f"the segmentation of model {self.model.name} by {self.method} has {count_of(len(labels), 'label')}, "
+                f"and its mesh {count_of(n_faces, 'face')}"
+            )
+        return labels
 
-def _judged(model: Model, segmenters: Sequence[Segmenter]) -> list[Segmenter | None]:
-    """The segmenters, and None for the people, if several segmented the model."""
-    return [each.for_model(model) for each in segmenters] + ([] if model.ground_truth else [None])
+
+def _read_segmentation(model: Model, method: str) -> np.ndarray | Exception:
+    """The segmentation of a model by a method of others, or what reading it raises."""
+    try:
+        return model.method_segmentation(method)
+    except Exception as error:
+        return error
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What segmented a model: a segmenter; people, if there is none; or a method of others, by its name."""
+
+    segmenter: Segmenter | None
+    method: str = ""
+    digest: str = ""
+
+    @property
+    def name(self) -> str:
+        if self.method:
+            return self.method + OF_AUTHORS
+        return self.segmenter.name if self.segmenter else PEOPLE
+
+    @property
+    def fingerprint(self) -> Any:
+        return [AUTHORS, self.method, self.digest] if self.method else self.segmenter and self.segmenter.fingerprint
+
+
+def _judged(model: Model, segmenters: Sequence[Segmenter], digests: Mapping[str, str]) -> list[_Judged]:
+    """What segmented a model: the segmenters, people if there are several, and the methods of others."""
+    return [
+        *(_Judged(each.for_model(model)) for each in segmenters),
+        *([] if model.ground_truth else [_Judged(None)]),
+        *(_Judged(None, method, sha256) for method, sha256 in digests.items()),
+    ]
 
 
 def has_people(model: Model) -> bool:
@@ -107,7 +203,7 @@ class Benchmark(Experiment):
     )
 
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
-        """One trial per model and segmenter, and one per model for its people, if any."""
+        """One trial per model and segmenter, one per model for its people, if any, and one per method of others."""
         models = dataset.models()
         if not any(has_people(model) for model in models):
             raise StudyError(
@@ -121,45 +217,37 @@ class Benchmark(Experiment):
                 part=study,
                 model=model,
                 mesh_digest=identity[1],
-                segmenter=judged,
+                segmenter=judged.segmenter,
+                method=judged.method,
+                methods=tuple(digests),
                 ground_truth=model.ground_truth,
-                segmenter_name=judged.name if judged else PEOPLE,
+                segmenter_name=judged.name,
                 group_key=digest(identity),
-                trial_id=digest("benchmark", identity, model.human_digest(), judged and judged.fingerprint)[:24],
+                trial_id=digest("benchmark", identity, human_digest, judged.fingerprint)[:24],
             )
             for model in models
-            for identity in [fingerprint(model)]
-            for judged in _judged(model, segmenters)
+            for identity, human_digest, digests in [(fingerprint(model), model.human_digest(), model.method_digests())]
+            for judged in _judged(model, segmenters, digests)
         ]
 
     def tables(self, rows: pd.DataFrame) -> list[Table]:
         """One row per method; one per method and category too if there are several."""
-        method = Column(name="method", dtype="string", help="Segmentation method.")
         scores = [
             dataclasses.replace(column, bounds=(f"{column.name}_low", f"{column.name}_high"), compact=True)
             for column in psb.COLUMNS
             if column.name in psb.MAIN
         ]
+        told = told_methods(rows)
         table = Table(
             name="table",
             frame=frame_of(
-                {"method": name, "source": COMPUTED} | _scores(group)
+                _named(str(name)) | ({TOLD.name: _yes_or_no(name, told, group)} if told else {}) | _scores(group)
                 for name, group in rows.groupby("segmenter", sort=False)
             ),
-            columns=(
-                method, Column(name="source", dtype="string", help="Where the values come from."), *scores, MODELS,
-                FAILURES,
-            ),
-            notes=self.notes,
-        )  # fmt: skip
-        if rows["category"].nunique() < 2:
-            return [table]
-        by_category = frame_of(
-            {"method": name, "category": category} | _scores(group)
-            for (name, category), group in rows.groupby(["segmenter", "category"], sort=False)
+            columns=(METHOD, SOURCE, TOLD, *scores, MODELS, FAILURES),
+            notes=" ".join(filter(None, (self.notes, _note_on_authors(rows), note_on_told(told)))),
         )
-        category = Column(name="category", dtype="string", help="Category of the models.")
-        return [table, Table("by_category", by_category, (method, category, *scores, MODELS, FAILURES))]
+        return [table, *filter(None, (_table_by_category(rows, scores), _cost(rows)))]
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
         """Every metric of every method, with its interval."""
@@ -167,6 +255,56 @@ class Benchmark(Experiment):
 
         metrics = [column for column in psb.COLUMNS if column.name in psb.MAIN]
         return {study: charts.method_scores(tables["table"], metrics, title)}
+
+
+def _table_by_category(rows: pd.DataFrame, scores: Sequence[Column]) -> Table | None:
+    """The scores by method and category; None if there are not several categories."""
+    if rows["category"].nunique() < 2:
+        return None
+    frame = frame_of(
+        {"method": name, "category": category} | _scores(group)
+        for (name, category), group in rows.groupby(["segmenter", "category"], sort=False)
+    )
+    category = Column(name="category", dtype="string", help="Category of the models.")
+    return Table("by_category", frame, (METHOD, category, *scores, MODELS, FAILURES))
+
+
+def _cost(rows: pd.DataFrame) -> Table | None:
+    """Seconds and peak memory of each method; None if the rows are from before memory was measured.
+
+    In a table of its own, because they differ between runs, and the others do not.
+    """
+    if PEAK_MEMORY.name not in rows or rows[PEAK_MEMORY.name].isna().all():
+        return None
+    good = rows[(rows["status"] == "ok") & rows["segmenter_options"].notna()]
+    frame = frame_of(
+        {
+            "segmenter": name,
+            SECONDS.name: group[SECONDS.name].mean(),
+            LARGEST_SECONDS.name: group[SECONDS.name].max(),
+            PEAK_MEMORY.name: group[PEAK_MEMORY.name].max(),
+            MODELS.name: len(group),
+        }
+        for name, group in good.groupby("segmenter", sort=False)
+    )
+    return Table("cost", frame, (SEGMENTER, SECONDS, LARGEST_SECONDS, PEAK_MEMORY, MODELS))
+
+
+def _named(name: str) -> dict[str, str]:
+    """The method and the source of rows with this name of a segmenter."""
+    is_of_authors = name.endswith(OF_AUTHORS)
+    return {"method": name.removesuffix(OF_AUTHORS), "source": AUTHORS if is_of_authors else COMPUTED}
+
+
+def _note_on_authors(rows: pd.DataFrame) -> str:
+    return NOTE_ON_AUTHORS if rows["segmenter"].str.endswith(OF_AUTHORS).any() else ""
+
+
+def _yes_or_no(name: Any, told: Sequence[str], rows: pd.DataFrame) -> str | None:
+    """Whether a method is told how many segments to find; None for people and the methods of others."""
+    if rows["segmenter_options"].isna().all():
+        return None
+    return "yes" if name in told else "no"
 
 
 def _scores(rows: pd.DataFrame) -> dict[str, float]:

@@ -20,19 +20,23 @@ from studies.experiments import accuracy
 from studies.experiments.accuracy import GroundTruth, missing_values
 from studies.experiments.experiment import (
     FAILURES,
+    PEAK_MEMORY,
     PUBLISHED,
     SEGMENTER,
     TRIALS,
     Experiment,
     by_segmenter,
     frame_of,
+    measured,
+    note_on_told,
     require_whole_number,
+    told_methods,
 )
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, digest_of_code, fingerprint
 from studies.planning.targets import construct, locate
-from studies.planning.trial import COLUMNS, TIMINGS, Trial
+from studies.planning.trial import COLUMNS, Trial
 from studies.planning.types import expectation, has_type, wrong_types
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_of_mean, model_mean, model_means
@@ -46,6 +50,7 @@ if TYPE_CHECKING:
     from studies.figures.pictures import Picture
 
 MEASURE = "change_percentage"  # the metric that the tables and curves are about
+SECONDS = ("seconds_perturb", "seconds_segment")
 SIZES = ("n_segments", "n_segments_reference")
 OF_STUDY = ("study", "repeats", "gallery")  # options of a study that do not count where it is a part of another
 
@@ -108,6 +113,7 @@ class Variant:
     applied: Mapping[str, Any]
     seconds_perturb: float
     seconds_segment: float
+    peak_memory: float | None = None
 
     def compared(self) -> tuple[np.ndarray, np.ndarray]:
         """Labels of the reference and of the variant at the vertices of the original that still exist."""
@@ -151,11 +157,18 @@ class ChangeTrial(Trial):
         start = time.perf_counter()
         perturbed = self.perturbation(original, np.random.default_rng(self.seed))
         middle = time.perf_counter()
+        seconds, megabytes = 0.0, None
         if labels is None:
-            labels = segmenter(perturbed.mesh.vertices, perturbed.mesh.faces)
-        end = time.perf_counter()
+            labels, seconds, megabytes = measured(segmenter, perturbed.mesh)
         return Variant(
-            reference, perturbed.mesh, labels, perturbed.counterpart, perturbed.applied, middle - start, end - middle
+            reference,
+            perturbed.mesh,
+            labels,
+            perturbed.counterpart,
+            perturbed.applied,
+            middle - start,
+            seconds,
+            megabytes,
         )
 
     def measure(self, prepared: Reference) -> dict[str, Any]:
@@ -176,6 +189,7 @@ class ChangeTrial(Trial):
             **(truth.values(variant.counterpart, variant.labels) if truth else missing_values()),
             "seconds_perturb": variant.seconds_perturb,
             "seconds_segment": variant.seconds_segment,
+            "peak_memory": variant.peak_memory,
             "applied": json.dumps(variant.applied),
         }
         kept = {"labels": variant.labels, "reference_labels": reference.labels} if self.keep_labels else {}
@@ -385,7 +399,7 @@ class Change(Experiment):
             name="table",
             frame=summary(rows),
             columns=columns_by_level(rows),
-            notes=self.notes,
+            notes=" ".join(filter(None, (self.notes, note_on_told(told_methods(rows))))),
             value="mean",
         )  # fmt: skip
         return [table, *filter(None, (_table_by_category(rows), _accuracy(rows), _failures_and_seconds(rows)))]
@@ -526,23 +540,27 @@ def _accuracy(rows: pd.DataFrame) -> Table | None:
 def _failures_and_seconds(rows: pd.DataFrame) -> Table | None:
     """The share of trials that failed, and what a trial costs; None if no row has its seconds.
 
-    In a table of its own, because seconds differ between runs, and the others do not.
+    In a table of its own, because seconds and memory differ between runs, and the others do not.
     """
-    timed = [column for column in COLUMNS if column.name in TIMINGS and column.name in rows]
+    timed = [column for column in COLUMNS if column.name in SECONDS and column.name in rows]
     if not timed or rows[[column.name for column in timed]].isna().all(axis=None):
         return None
+    has_memory = PEAK_MEMORY.name in rows and rows[PEAK_MEMORY.name].notna().any()
     keys = [*by_segmenter(rows), "part", "level", "unit"]
     frame = frame_of(
         {
             **dict(zip(keys, key, strict=True)),
             FAILED_SHARE.name: 100 * float((group["status"] != "ok").mean()),
             **{column.name: model_mean(group[group["status"] == "ok"], column.name) for column in timed},
+            **({PEAK_MEMORY.name: group[PEAK_MEMORY.name].max()} if has_memory else {}),
             "n": int((group["status"] == "ok").sum()),
         }
         for key, group in rows.groupby(keys, sort=False)
     )
     seconds = [dataclasses.replace(column, format=".3f") for column in timed]
-    return Table("failures_and_seconds", frame, (SEGMENTER, PART, LEVEL, UNIT, FAILED_SHARE, *seconds, TRIALS))
+    return Table(
+        "failures_and_seconds", frame, (SEGMENTER, PART, LEVEL, UNIT, FAILED_SHARE, *seconds, PEAK_MEMORY, TRIALS)
+    )
 
 
 def _mean_and_interval(rows: pd.DataFrame) -> dict[str, float]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,10 +11,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from studies import planning
 from studies.columns import Column, Table, dtypes
+from studies.execution.peak_memory import peak_memory
 from studies.planning.errors import StudyError
 from studies.planning.names import check_name
 from studies.planning.trial import Trial
 from studies.planning.types import has_type
+from studies.segmenters.segmenter import TOLD_OPTION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,6 +25,7 @@ if TYPE_CHECKING:
     from studies.datasets import Dataset
     from studies.figures.charts import Chart
     from studies.figures.pictures import Picture
+    from studies.metrics.metric import TriangleMesh
     from studies.segmenters import Segmenter
 
     Labels = Callable[[str], Mapping[str, np.ndarray] | None]
@@ -38,6 +43,19 @@ FAILURES = Column(
     name="failures", dtype="int64", heading="failed", format=".0f", lower_is_better=True, help="Trials that failed."
 )
 """Column of tables that count failed trials."""
+
+PEAK_MEMORY = Column(
+    name="peak_memory",
+    heading="peak memory (MB)",
+    format=".1f",
+    unit="MB",
+    lower_is_better=True,
+    help="Largest peak memory of segmenting, above what the process used before.",
+)
+"""Column of tables of what methods cost."""
+
+TOLD = Column(name="told", dtype="string", help="Whether the method is told how many segments to find.")
+"""Column of tables of methods that says which are told the number, which others have to find."""
 
 PUBLISHED = Column(name="published", help="Published value; `studies.reporting` puts the column of a publication here.")
 """Where a table shows published values; without it, a table shows none."""
@@ -132,6 +150,28 @@ def row_columns(experiment: type[Experiment] | Experiment) -> tuple[Column, ...]
 def by_segmenter(rows: pd.DataFrame) -> list[str]:
     """The columns that tables of these rows are grouped by first: the segmenter, if there are several."""
     return ["segmenter"] if rows["segmenter"].nunique() > 1 else []
+
+
+def measured(segmenter: Segmenter, mesh: TriangleMesh) -> tuple[np.ndarray, float, float | None]:
+    """The labels of a mesh's vertices, the seconds that segmenting took, and its peak memory in MB."""
+    start = time.perf_counter()
+    with peak_memory() as memory:
+        labels = segmenter(mesh.vertices, mesh.faces)
+    return labels, time.perf_counter() - start, memory.megabytes
+
+
+def told_methods(rows: pd.DataFrame) -> list[str]:
+    """Names of the methods of some rows that are told how many segments to find."""
+    if "segmenter_options" not in rows:
+        return []
+    methods = rows[["segmenter", "segmenter_options"]].dropna().drop_duplicates()
+    told = methods["segmenter_options"].map(lambda options: TOLD_OPTION in json.loads(options)).astype(bool)
+    return list(dict.fromkeys(methods.loc[told, "segmenter"].astype(str)))
+
+
+def note_on_told(methods: Sequence[str]) -> str:
+    """A sentence that names the methods that are told how many segments to find; "" if there are none."""
+    return f"Told how many segments to find: {', '.join(methods)}." if methods else ""
 
 
 def frame_of(records: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.DataFrame:

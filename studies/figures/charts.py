@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from studies.columns import Column, Table
+from studies.columns import AUTHORS, COMPUTED, Column, Table
 from studies.reporting.text import count_of
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ MOST_MODEL_LINES = 10  # models that are drawn as a line each; quartiles are dra
 MOST_HEAT_MAPS_PER_ROW = 4
 FEWEST_ROUND_VALUES = 3  # which label an axis well; with fewer, every value is labelled
 NARROW_PANEL = 0.45  # relative width of a panel with a single level
-COMPUTED = "computed"  # the ``source`` of values computed here, in a table of method scores
 WIDE_RANGE = 8  # largest over smallest value of an option from which on its axis is logarithmic
 CHANGE = "Change Percentage"
 OWN_SCALES = "each panel has a scale of its own"
@@ -588,8 +587,8 @@ def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
     Parameters
     ----------
     table : Table
-        ``frame`` has the columns method, source (``COMPUTED`` or another word), and for each metric METRIC, METRIC_low
-        and METRIC_high (missing if there is no interval)
+        ``frame`` has the columns method, source (``COMPUTED``, ``AUTHORS`` or another word), and for each metric
+        METRIC, METRIC_low and METRIC_high (missing if there is no interval)
     metrics : sequence of Column
         the metrics; one whose heading is an abbreviation is named by the beginning of its help
     title : str
@@ -613,9 +612,11 @@ def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
     """
     frame = table.frame
     methods = tuple(dict.fromkeys(frame["method"].astype(str)))
-    sources = sorted(dict.fromkeys(frame["source"].astype(str)), key=lambda source: source != COMPUTED)
-    others = [source for source in sources if source != COMPUTED]
-    labels = {source: source for source in sources}
+    ours = [COMPUTED, AUTHORS]
+    sources = [source for source in ours if (frame["source"] == source).any()]
+    others = [source for source in dict.fromkeys(frame["source"].astype(str)) if source not in ours]
+    sources += others
+    labels = {source: source for source in sources} | {AUTHORS: "computed from the authors' segmentations"}
     if table.published is not None and len(others) == 1:
         labels[others[0]] = table.published.label
     panels: list[Panel] = []
@@ -630,8 +631,8 @@ def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
                     values=_numbers(of_source[metric.name]),
                     low=_numbers(of_source[f"{metric.name}_low"]),
                     high=_numbers(of_source[f"{metric.name}_high"]),
-                    role="mean" if source == COMPUTED else "published",
-                    group=others.index(source) if source in others else 0,
+                    role="mean" if source in ours else "published",
+                    group=(others if source in others else ours).index(source),
                 )
             )
         panels.append(Panel(Axis(_spelled_out(metric), from_zero=True), Axis(categories=methods), dots=tuple(dots)))

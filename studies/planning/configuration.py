@@ -172,7 +172,7 @@ def configure(cfg: DictConfig, overrides: Sequence[str] = (), swept: Mapping[str
 def _configure(cfg: DictConfig, overrides: Sequence[str], swept: Mapping[str, str]) -> Study:
     from studies.reporting.results import publication_of
 
-    _check_general_options(cfg)
+    _check_general_options(cfg, overrides)
     check_groups_of_options(cfg, overrides)
     if any(_key(option).startswith("gallery.") for option in overrides):
         from studies.experiments.change import checked_gallery
@@ -209,7 +209,7 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], swept: Mapping[str, st
     )
 
 
-def _check_general_options(cfg: DictConfig) -> None:
+def _check_general_options(cfg: DictConfig, overrides: Sequence[str]) -> None:
     """Check the options that belong to no class."""
     if "study" not in cfg:
         raise StudyError(f"no study is given; type +study=NAME, NAME one of {', '.join(study_names())}")
@@ -217,6 +217,12 @@ def _check_general_options(cfg: DictConfig) -> None:
     for group in GROUPS:
         if not isinstance(options.get(group), dict):
             raise StudyError(f"{group} is {cfg.get(group)!r}: it must be a mapping of options; see --help")
+    if set(cfg.study) - {"name"} and any(_key(option) == "study" for option in overrides):
+        file = next(option.partition("=")[2] for option in overrides if _key(option) == "study")
+        raise StudyError(
+            f"the first line of {file}.yaml must be `# @package _global_`: without it, everything in the file is taken "
+            "for options of `study`"
+        )
     if "name" not in cfg.study or OmegaConf.is_missing(cfg.study, "name"):
         raise StudyError("study.name is required: study.name=NAME, under which the results are filed")
     for option, annotation in GENERAL_OPTIONS.items():

@@ -36,6 +36,13 @@ COLUMNS: tuple[Column, ...] = (
     Column(name="n_segments", dtype="Int64", format=".1f", help="Segments of the perturbed mesh."),
     Column(name="seconds_perturb", unit="s", lower_is_better=True, help="Time that perturbing took."),
     Column(name="seconds_segment", unit="s", lower_is_better=True, help="Time that segmenting took."),
+    Column(
+        name="peak_memory",
+        format=".1f",
+        unit="MB",
+        lower_is_better=True,
+        help="Peak memory of segmenting, above what the process used before.",
+    ),
     Column(name="status", dtype="string", help="ok, failed, timeout or crashed."),
     Column(name="error", dtype="string", help="Why the trial failed, in one line."),
     Column(name="traceback", dtype="string", help="Where the trial failed, as Python shows it."),
@@ -44,8 +51,8 @@ COLUMNS: tuple[Column, ...] = (
 )
 """The columns that every row has. An experiment adds those of what it measures."""
 
-TIMINGS = ("seconds_perturb", "seconds_segment")
-"""The columns in which two runs of the same trial may differ."""
+TIMINGS = ("seconds_perturb", "seconds_segment", "peak_memory")
+"""The columns in which two runs of the same trial may differ: times, and the memory that is measured with them."""
 
 
 @dataclass(frozen=True, kw_only=True)

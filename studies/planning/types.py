@@ -6,11 +6,16 @@ import inspect
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-OWN_PACKAGES = ("studies", "heatwalk", "perturb")  # whose annotations are checked
+OWN_PACKAGES = (
+    "studies",
+    "heatwalk",
+    "perturb",
+)  # their classes, and those derived from them, are checked
 
 _EXPECTED: dict[Any, str] = {
     bool: "true or false",
@@ -29,12 +34,13 @@ _PLURALS: dict[Any, str] = {int: "whole numbers", float: "numbers", str: "texts"
 
 
 def wrong_types(target: Callable[..., Any], options: Mapping[str, Any]) -> dict[str, str]:
-    """The options whose values do not have the type that a class of this project declares for them.
+    """The options whose values do not have the type that a class declares for them.
 
     Parameters
     ----------
     target : callable
-        any class or function; only classes of this project are checked
+        any class or function; only classes of this project are checked, and those derived from one, such as a dataset
+        of your own
     options : mapping of str to Any
         plain values: numbers, text, lists and mappings
 
@@ -49,14 +55,21 @@ def wrong_types(target: Callable[..., Any], options: Mapping[str, Any]) -> dict[
     >>> wrong_types(HeatWalk, {"time": "soon", "density": "area"})
     {'time': 'a number'}
     """
-    if not (isinstance(target, type) and target.__module__.partition(".")[0] in OWN_PACKAGES):
+    if not (isinstance(target, type) and any(_is_own(base) for base in target.__mro__)):
         return {}
     declared = _declared(target)
     return {
-        name: expectation(declared[name])
+        name: expectation(annotation)
         for name, value in options.items()
-        if name in declared and not has_type(value, declared[name])
+        if name in declared
+        for annotation, default in [declared[name]]
+        if not (has_type(value, annotation) or value is default)  # as in ``seed: int = None``
     }
+
+
+def _is_own(target: type) -> bool:
+    """Whether a class is part of this project."""
+    return target.__module__.partition(".")[0] in OWN_PACKAGES
 
 
 def has_type(value: Any, annotation: Any) -> bool:
@@ -111,10 +124,12 @@ def expectation(annotation: Any) -> str:
 
 
 @cache
-def _declared(target: type) -> dict[str, Any]:
-    """The annotations of the arguments with which a class is called."""
+def _declared(target: type) -> dict[str, tuple[Any, Any]]:
+    """The annotations of the arguments with which a class is called, and their defaults."""
     try:
-        hints = typing.get_type_hints(target.__init__)  # type: ignore[misc]
-    except NameError:  # imported for type checkers alone
+        # Those of a dataclass may be strings that each class of its ancestry means in its own module.
+        hints = typing.get_type_hints(target if is_dataclass(target) else target.__init__)  # type: ignore[misc]
+        parameters = inspect.signature(target).parameters
+    except Exception:  # names that are imported for type checkers alone, or whatever else an annotation may raise
         return {}
-    return {name: hints[name] for name in inspect.signature(target).parameters if name in hints}
+    return {name: (hints[name], each.default) for name, each in parameters.items() if name in hints}

@@ -6,11 +6,11 @@ import dataclasses
 import functools
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from studies._own_packages import CONF
-from studies.columns import Column, Published, Table
+from studies.columns import AUTHORS, COMPUTED, Column, Published, Table
 from studies.experiments.experiment import PUBLISHED
 from studies.planning.errors import StudyError
 from studies.reporting.claims import Claim
@@ -148,11 +148,16 @@ class Publication:
         """A table of methods with the published rows below the computed ones."""
         import pandas as pd
 
-        source = self._data["column"]
-        published = [
-            {"method": method, "source": source, **row} for method, row in self._data["methods"]["rows"].items()
-        ]
-        frame = pd.concat([table.frame, pd.DataFrame(published)], ignore_index=True)
+        source, methods = self._data["column"], self._data["methods"]["rows"]
+        published = pd.DataFrame([{"method": method, "source": source, **row} for method, row in methods.items()])
+        spelled = {method.lower(): method for method in methods}
+        names = table.frame["method"].where(
+            table.frame["source"] != AUTHORS, table.frame["method"].map(lambda name: spelled.get(name.lower(), name))
+        )
+        frame = pd.concat([table.frame.assign(method=names), published], ignore_index=True)
+        # The scores of a method's segmentations by its authors come before those that are published of it.
+        places = [_place_of(str(row["method"]), row["source"], list(methods)) for row in frame.to_dict("records")]
+        frame = frame.iloc[sorted(range(len(frame)), key=places.__getitem__)].reset_index(drop=True)
         notes = " ".join(filter(None, (table.notes, self._data["note"])))
         return table.replace(
             frame=frame[table.frame.columns], notes=notes, published=Published("source", str(self._data["label"]))
@@ -226,6 +231,13 @@ class Publication:
                 and _are_made_of(entry.get("rows", {}), record, rows)
             ):
                 yield entry
+
+
+def _place_of(method: str, source: str, published: Sequence[str]) -> tuple[int, int]:
+    """Where a row of a table of methods goes: computed ones, then the published ones, each in their own order."""
+    if source == COMPUTED or method not in published:
+        return 0, 0
+    return 1 + published.index(method), int(source != AUTHORS)
 
 
 def _lookup(entry: Mapping[str, Any], record: Mapping[str, Any]) -> Any:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from studies.execution import TaskFailedError, map_ordered
+from studies.execution.interruption import reason
 from studies.reporting.results import CONFIG_FILE, PROVENANCE_FILE, Results
 from studies.reporting.text import markdown_page, print_table
 from studies.storage import TABLE_FILE, atomic_write, encodable
@@ -26,6 +28,10 @@ if TYPE_CHECKING:
     from studies.storage import Place
 
 
+class DrawingError(RuntimeError):
+    """Charts or pictures that could not be drawn; the message says where rows and tables are."""
+
+
 def write_tables(results: Results, console: Console, *, rows: bool = True) -> None:
     """Write rows, unless ``rows`` is false, tables and charts to the folder of the results; print the main table."""
     from studies.figures import drawing
@@ -39,8 +45,9 @@ def write_tables(results: Results, console: Console, *, rows: bool = True) -> No
             table.frame.to_csv(path, index=False, float_format="%.6g")
     with atomic_write(folder / "table.md") as path:
         path.write_text(encodable(markdown_page(results.title, *tables.values())), "utf-8")
-    for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
-        drawing.save(drawing.draw(chart), folder / f"{stem}.png")
+    with _after_tables("charts", results):
+        for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
+            drawing.save(drawing.draw(chart), folder / f"{stem}.png")
     print_table(results.title, results.main_table, console)
 
 
@@ -111,14 +118,29 @@ def draw_pictures(results: Results, trials: Sequence[Trial], labels: Labels, eng
     from studies.figures import drawing
     from studies.figures.pictures import is_drawn
 
-    for picture in results.experiment.pictures(results.name, trials, results.rows, results.title, labels):
-        path = results.folder / f"{picture.stem}.png"
-        if is_drawn(path, picture.content):
-            continue
-        with console.status(f"drawing {path.name}"):
-            try:
-                figure = picture.figure(map_ordered(engine, picture.function, picture.tasks()))
-            except TaskFailedError as error:
-                console.print(f"{path.name} was not drawn: {error}", markup=False, soft_wrap=True)
+    with _after_tables("pictures", results):
+        for picture in results.experiment.pictures(results.name, trials, results.rows, results.title, labels):
+            path = results.folder / f"{picture.stem}.png"
+            if is_drawn(path, picture.content):
                 continue
-        drawing.save(figure, path, picture.content)
+            with console.status(f"drawing {path.name}"):
+                try:
+                    figure = picture.figure(map_ordered(engine, picture.function, picture.tasks()))
+                except TaskFailedError as error:
+                    console.print(f"{path.name} was not drawn: {error}", markup=False, soft_wrap=True)
+                    continue
+            drawing.save(figure, path, picture.content)
+
+
+@contextmanager
+def _after_tables(what: str, results: Results) -> Iterator[None]:
+    """Say, of an error in drawing, that rows and tables are written."""
+    try:
+        yield
+    except OSError:  # such as a full disk, of which the message says enough
+        raise
+    except Exception as error:
+        raise DrawingError(
+            f"the {what} of {type(results.experiment).__name__} failed with {reason(error)}; rows and tables are "
+            f"written to {results.folder}"
+        ) from error

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 TOLD = "n_segments"  # the argument of methods that are told how many segments to find
 
+TOLD_OPTION = "told_n_segments"  # the name under which rows have that number, among the options of the method
+
 _EXAMPLES = {"_target_": "my_package.my_method", "command": "mytool {mesh} {labels}"}
 
 
@@ -111,7 +113,7 @@ class Segmenter:
             for name, parameter in signature(target).parameters.items()
             if isinstance(parameter.default, plain)
         }
-        told = {"told_n_segments": self.n_segments or f"of {self.reference.name}"} if self.reference else {}
+        told = {TOLD_OPTION: self.n_segments or f"of {self.reference.name}"} if self.reference else {}
         return defaults | {key: value for key, value in recipe.items() if not key.startswith("_")} | told
 
     @property

@@ -17,6 +17,12 @@ def halves(vertices, faces, seconds=0.0):
     return (vertices[:, 0] > np.median(vertices[:, 0])).astype(np.int64)
 
 
+def hungry(vertices, faces):
+    """As `halves`, with 64 MB of memory while it runs."""
+    assert np.ones(64_000_000, dtype=np.uint8)[-1] == 1
+    return halves(vertices, faces)
+
+
 def hostile(vertices, faces):
     """As `halves` for the ant in its original size; in other sizes, what a trial should never do."""
     size = round(np.ptp(vertices[:, 0]) / np.ptp(bundled("ant").vertices[:, 0]))

@@ -188,15 +188,16 @@ def in_fork(folder, command, *words, columns="80"):
         return subprocess.CompletedProcess(words, process.exitcode, said.read(), complained.read())
 
 
+def frame_of_rows(trials, experiment):
+    """The DataFrame of the rows of trials, run in this process."""
+    types = dtypes(row_columns(experiment))
+    return pd.DataFrame(run_trials(Serial(), trials), columns=list(types)).astype(types)
+
+
 @pytest.fixture
 def rows_of():
     """A function: trials, their experiment -> the DataFrame of their rows, run in this process."""
-
-    def run(trials, experiment):
-        types = dtypes(row_columns(experiment))
-        return pd.DataFrame(run_trials(Serial(), trials), columns=list(types)).astype(types)
-
-    return run
+    return frame_of_rows
 
 
 def printed(function):

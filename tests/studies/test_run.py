@@ -15,6 +15,7 @@ from PIL import Image
 
 from studies.experiments import Change
 from studies.experiments.experiment import row_columns
+from studies.planning.trial import TIMINGS
 from tests.helpers.meshes import bundled
 from tests.studies.conftest import typed
 
@@ -49,7 +50,7 @@ def folder(tmp_path):
 
 
 def untimed(frame):
-    return frame.drop(columns=["seconds_perturb", "seconds_segment"])
+    return frame.drop(columns=list(TIMINGS))
 
 
 def test_it_leaves_what_the_documentation_lists_and_nothing_else(small_study):

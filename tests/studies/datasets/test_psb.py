@@ -8,6 +8,7 @@ import pytest
 
 from heatwalk import MeshError
 from studies.datasets import DatasetError
+from studies.datasets.bundled import Bundled
 from studies.datasets.psb import CATEGORIES, NON_RIGID, PSB
 
 
@@ -233,3 +234,52 @@ def test_compressed_models_are_found_and_two_files_of_one_model_refused(small, p
     (off.parent / "2.obj").touch()
     with pytest.raises(DatasetError, match=r"has model 2 both as 2\.OFF\.gz and as 2\.obj; keep one of them"):
         PSB(small).models()
+
+
+@pytest.fixture
+def small_with_methods(small):
+    """As `small`, with segmentations of model 2 by two methods, one with a folder per model, and of none by a third."""
+    segmentations = small / "MeshsegBenchmark-1.0" / "data" / "seg"
+    texts = {"RandCuts/2.seg": "0\n1\n1\n0\n", "KMeans/2/2_0.seg": "3\n1\n1\n0\n", "FitPrim/10.seg": "0\n"}
+    for name, text in (texts | {"._KMeans/2.seg": "macOS", "KMeans/2/._2_0.seg": "macOS"}).items():
+        file = segmentations / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    (segmentations / "readme.txt").write_text("by the authors")
+    return small
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_segmentations_by_methods_are_found_beside_those_by_people(small_with_methods, packed, tmp_path):
+    root = as_zip(small_with_methods, tmp_path / "small.zip") if packed else small_with_methods
+    models = {model.name: model for model in PSB(root).models()}
+    expected = {"KMeans": "3\n1\n1\n0\n", "RandCuts": "0\n1\n1\n0\n"}
+    assert models["2"].method_digests() == {
+        name: hashlib.sha256(text.encode()).hexdigest() for name, text in expected.items()
+    }
+    for method, text in expected.items():
+        assert models["2"].method_segmentation(method).tolist() == list(map(int, text.split()))
+    assert list(models["10"].method_digests()) == ["FitPrim"]
+    assert models["84"].method_digests() == {}
+
+
+def test_several_segmentations_by_a_method_are_not_chosen_from(small_with_methods):
+    folder = small_with_methods / "MeshsegBenchmark-1.0" / "data" / "seg" / "KMeans" / "2"
+    (folder / "2_1.seg").write_text("0\n0\n0\n0\n")
+    (model,) = PSB(small_with_methods, models=[2]).models()
+    with pytest.raises(ValueError, match=r"^KMeans has 2 segmentations of model 2; one is expected$"):
+        model.method_segmentation("KMeans")
+
+
+def test_a_benchmark_without_other_folders_has_no_segmentations_by_methods(small, psb_zip):
+    for root in (small, psb_zip):
+        assert PSB(root, models=[2]).models()[0].method_digests() == {}
+    with pytest.raises(ValueError, match="RandCuts has 0 segmentations of model 2"):
+        PSB(small, models=[2]).models()[0].method_segmentation("RandCuts")
+
+
+def test_a_model_of_another_dataset_has_no_segmentations_by_methods():
+    model = Bundled(["cow"]).models()[0]
+    assert model.method_digests() == {}
+    with pytest.raises(ValueError, match="model cow has no segmentation by RandCuts"):
+        model.method_segmentation("RandCuts")

@@ -189,3 +189,23 @@ def test_a_metric_that_older_rows_lack_is_left_out_of_their_table(monkeypatch):
     assert "newest" not in old.frame
     assert current.frame["newest"].tolist() == [7.0]
     assert "7.0" in current.cells()[0]
+
+
+HUNGRY = ("segmenter=custom", "segmenter._target_=tests.helpers.segmenting.hungry")
+
+
+def test_a_row_and_the_table_of_costs_have_the_peak_memory_of_segmenting(here, plan, rows_of):
+    words = ("dataset=files", "dataset.glob=ant.off", "levels=[0.1]", "repeats=2", "gallery.models=0")
+    rows = rows_of(plan("+study=normal_noise", *words, *HUNGRY), Change)
+    assert rows["peak_memory"].between(60, 80).all()
+    tables = {table.name: table for table in Change().tables(rows)}
+    assert tables["failures_and_seconds"].frame["peak_memory"].tolist() == [rows["peak_memory"].max()]
+    assert "peak memory (MB)" in [column.title for column in tables["failures_and_seconds"].visible()]
+
+
+def test_rows_that_are_older_than_the_measurement_of_memory_have_the_tables_of_before(here, plan, rows_of):
+    words = ("dataset=files", "dataset.glob=ant.off", "levels=[0.1]", "repeats=1", "gallery.models=0")
+    rows = rows_of(plan("+study=normal_noise", *words, *HUNGRY), Change)
+    for older in (rows.assign(peak_memory=np.nan), rows.drop(columns="peak_memory")):
+        tables = {table.name: table for table in Change().tables(older)}
+        assert "peak_memory" not in tables["failures_and_seconds"].frame
