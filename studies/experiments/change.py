@@ -124,10 +124,13 @@ class ChangeTrial(Trial):
     perturbation : Perturbation
         callable (trimesh.Trimesh, numpy.random.Generator) -> perturb.Perturbed
     segmenter : Segmenter
+    draw : str
+        digest of what determines the variant, whatever method segments it
     """
 
     perturbation: Callable[[trimesh.Trimesh, np.random.Generator], perturb.Perturbed]
     segmenter: Segmenter
+    draw: str = ""
 
     def prepare(self) -> Reference:
         """The segmentation of the unperturbed mesh, and its ground truth if the model has one."""
@@ -148,15 +151,26 @@ class ChangeTrial(Trial):
         """The perturbed mesh with these labels, or segmented if there are none."""
         original = reference.mesh
         segmenter = reference.segmenter or self.segmenter.for_original(original.vertices, original.faces)
+        perturbed, seconds_perturb = self.perturbed(original)
         start = time.perf_counter()
-        perturbed = self.perturbation(original, np.random.default_rng(self.seed))
-        middle = time.perf_counter()
         if labels is None:
             labels = segmenter(perturbed.mesh.vertices, perturbed.mesh.faces)
-        end = time.perf_counter()
+        seconds_segment = time.perf_counter() - start
         return Variant(
-            reference, perturbed.mesh, labels, perturbed.counterpart, perturbed.applied, middle - start, end - middle
+            reference,
+            perturbed.mesh,
+            labels,
+            perturbed.counterpart,
+            perturbed.applied,
+            seconds_perturb,
+            seconds_segment,
         )
+
+    def perturbed(self, original: trimesh.Trimesh) -> tuple[perturb.Perturbed, float]:
+        """The perturbed mesh, and the seconds that perturbing took."""
+        start = time.perf_counter()
+        perturbed = self.perturbation(original, np.random.default_rng(self.seed))
+        return perturbed, time.perf_counter() - start
 
     def measure(self, prepared: Reference) -> dict[str, Any]:
         """Perturb, segment and compare."""
@@ -364,6 +378,7 @@ class Change(Experiment):
                                 unit=unit,
                                 repeat=repeat,
                                 seed=seed,
+                                draw=digest(part_name, identity, recipe, level, repeat, seed)[:24],
                                 group_key=group_key,
                                 trial_id=digest(
                                     part_name, identity, recipe, level, repeat, seed, *segmenter.fingerprint
