@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
+from studies.columns import MISSING, is_missing
 from studies.experiments.leaderboard.scores import Options, Scores
 from studies.figures.charts import Axis, Chart, Dots, Matrix, Number, Panel, Points, Scatter, Series
 from studies.statistics.ranks import pareto_front
@@ -149,7 +150,7 @@ def _dots(
 
 def _ranked(rank: object, label: str) -> str:
     """A method with its rank before it."""
-    return f"{label}  {rank}" if isinstance(rank, int) else f"{label}  –"
+    return f"{label}  {MISSING if is_missing(rank) else rank}"
 
 
 def _controls(scores: Scores) -> str:

@@ -58,6 +58,7 @@ SLANTED = 0.2  # inches that slanted numbers at the ticks need below the axes
 LINE = 0.15  # height of a line of the legend, in inches
 HANDLE = 0.5  # width of a symbol in the legend and the gaps around it, in inches
 LONGEST_NAME = 1.3  # of a row or column, in inches
+LONGEST_ROW = 1.8  # of a row of dots, in inches
 FEWEST_FROM_COMMA = 1_000  # numbers from here on have their digits grouped
 NOTHING = "no trial succeeded"
 NO_CHANGE = "0 at every level"
@@ -350,7 +351,7 @@ def _set_x_axis(axes: Axes, axis: Axis, inches: float) -> None:
 def _set_y_axis(axes: Axes, axis: Axis) -> None:
     axes.set_ylabel(displayable(axis.label))
     if axis.categories:
-        names = [shorten(displayable(name), SMALL, LONGEST_NAME) for name in axis.categories]
+        names = [shorten(displayable(name), SMALL, LONGEST_ROW) for name in axis.categories]
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.5, -0.5)
     elif axis.logarithmic and np.isfinite(axes.dataLim.minposy):  # matplotlib has no logarithmic scale without data
