@@ -101,7 +101,7 @@ def run_study(study: Study, console: Console) -> Outcome:
         to_run = _missing(study, trials, store)
         _write_plan(made, place, store, reused, ran=bool(to_run))
         ended_early = _run_missing(study, to_run, store, console)
-        results = _results(study, place, made, trials, store)
+        results = _results(study, place, made, planned, store)
         if place.part != place.folder and (place.n_new or to_run):
             _write_whole(place, store)
         if len(results.rows):
@@ -306,7 +306,11 @@ def _store(row: dict[str, Any], store: storage.RowStore, labels: storage.LabelSt
 
 
 def _results(
-    study: Study, place: storage.Place, made: MadeFrom, trials: Sequence[Trial], store: storage.RowStore
+    study: Study,
+    place: storage.Place,
+    made: MadeFrom,
+    planned_rows: Sequence[Mapping[str, Any]],
+    store: storage.RowStore,
 ) -> Results:
     """The results of what was planned, which may be a part of what the folder has."""
     from studies.reporting.results import Results
@@ -315,7 +319,7 @@ def _results(
     shown = (*place.others, *made.trial_ids) if study.experiment.gathers else made.trial_ids
     rows = store.frame(shown, row_columns(study.experiment))
     # Rows of earlier versions lack options, and call a method by another name.
-    planned = {row["trial_id"]: row for row in map(planned_row, trials)}
+    planned = {row["trial_id"]: row for row in planned_rows}
     for column in ("segmenter", "segmenter_options"):
         known = rows["trial_id"].map(lambda i, column=column: planned[i][column] if i in planned else None)
         rows[column] = known.astype("string").fillna(rows[column])

@@ -357,7 +357,8 @@ class Change(Experiment):
         for model in dataset.models():
             identity = fingerprint(model)
             for segmenter in (each.for_model(model) for each in segmenters):
-                group_key = digest(identity, *segmenter.fingerprint)
+                method = segmenter.fingerprint
+                group_key = digest(identity, *method)
                 for part_name, level, perturbation, unit, recipe in levels:
                     for repeat in repeats:
                         # Neither the segmenter nor the perturbation's other options: methods, and ways to read the
@@ -380,9 +381,7 @@ class Change(Experiment):
                                 seed=seed,
                                 draw=digest(part_name, identity, recipe, level, repeat, seed)[:24],
                                 group_key=group_key,
-                                trial_id=digest(
-                                    part_name, identity, recipe, level, repeat, seed, *segmenter.fingerprint
-                                )[:24],
+                                trial_id=digest(part_name, identity, recipe, level, repeat, seed, *method)[:24],
                             )
                         )
         return self._with_labels_of_gallery(trials)
