@@ -11,6 +11,6 @@ from studies._own_packages import prefer_own_packages
 
 prefer_own_packages()
 
-from studies.api import load, run  # noqa: E402
+from studies.api import load, rank, run  # noqa: E402
 
-__all__ = ["load", "run"]
+__all__ = ["load", "rank", "run"]

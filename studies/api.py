@@ -1,4 +1,4 @@
-"""Studies from Python and notebooks: `studies.run` and `studies.load`."""
+"""Studies from Python and notebooks: `studies.run`, `studies.load` and `studies.rank`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from studies.reporting.results import Results
 
 
@@ -96,3 +98,53 @@ def load(folder: str | Path) -> Results:
     from studies.reporting.results import Results
 
     return Results.load(folder)
+
+
+def rank(results_dir: str | Path) -> pd.DataFrame:
+    """The board of a leaderboard, from its stored rows alone.
+
+    Parameters
+    ----------
+    results_dir : path
+        the folder of a leaderboard, such as "results/leaderboard/synthetic", or one that contains a single leaderboard;
+        trials.parquet alone is enough
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per method: rank, method, mce with mce_low and mce_high (its 95 % interval), mean_cp and control_cp (mean
+        Change Percentage in percent), rand_original and rand_perturbed (Rand Index error), failed_share in percent,
+        seconds, and more. Methods with a rank first; baselines and methods with missing cells have none.
+
+    Raises
+    ------
+    ValueError
+        If there are no rows of a leaderboard, or those of several.
+
+    Examples
+    --------
+    >>> import studies
+    >>> studies.rank("results/leaderboard/synthetic")[["rank", "method", "mce"]]  # doctest: +SKIP
+    """
+    from studies import storage
+    from studies.experiments import Leaderboard
+    from studies.experiments.experiment import row_columns
+    from studies.planning.errors import StudyError
+    from studies.reporting.results import CONFIG_FILE, Results
+
+    found = {}
+    folders = storage.result_folders(results_dir)
+    if Path(results_dir) in folders:
+        folders = [Path(results_dir)]
+    for folder in folders:
+        if (folder / CONFIG_FILE).exists():
+            results = Results.load(folder)
+            if isinstance(results.experiment, Leaderboard):
+                found[folder] = results.experiment, results.rows
+        elif folder == Path(results_dir):
+            found[folder] = Leaderboard(), storage.read_rows(folder, row_columns(Leaderboard))
+    if len(found) != 1:
+        several = f" of several: {', '.join(folder.as_posix() for folder in found)}" if found else ""
+        raise StudyError(f"{results_dir} has {'rows' if found else 'no rows'} of a leaderboard{several}")
+    [(experiment, rows)] = found.values()
+    return experiment.tables(rows)[0].frame

@@ -80,8 +80,11 @@ def run_study(study: Study, console: Console) -> Outcome:
     console.print(f"{made.title}, {count_of(len(trials), 'trial')}", highlight=False)
     for remark in study.remarks:
         console.print(remark, highlight=False, soft_wrap=True)
-    place = storage.place(study.folder, made.origin, [planned_row(trial) for trial in trials], study.fresh)
+    gathers = study.experiment.gathers
+    planned = [planned_row(trial) for trial in trials]
+    place = storage.place(study.folder, made.origin, planned, study.fresh, gathers=gathers)
     _report_place(place, study, trials, console)
+    further = _further_rows(study, made, planned) if gathers and not study.fresh else {}
     study = dataclasses.replace(study, folder=place.folder)
     if study.dry_run:
         _show_plan(study, trials, console)
@@ -94,17 +97,19 @@ def run_study(study: Study, console: Console) -> Outcome:
         reused = _reusable(study, missing)
         _reuse_rows(reused, missing, store, console)
         _store_table_rows(place, store)
+        place = _add_further_rows(further, place, store, console)
         to_run = _missing(study, trials, store)
         _write_plan(made, place, store, reused, ran=bool(to_run))
         ended_early = _run_missing(study, to_run, store, console)
-        results = _results(study, place, made, trials, store)
-        if place.is_part and (place.n_new or to_run):
+        results = _results(study, place, made, planned, store)
+        if place.part != place.folder and (place.n_new or to_run):
             _write_whole(place, store)
         if len(results.rows):
             _write_results(study, results, trials, ended_early, console)
         _report_missing_metrics(results.rows, store, console)
-    _report_failures(results, ended_early, console)
-    return Outcome(results, ended_early, results.failures == 0 and len(results.rows) == len(trials))
+    ours = results.rows[results.rows["trial_id"].isin(set(made.trial_ids))] if gathers else results.rows
+    _report_failures(ours, ended_early, console)
+    return Outcome(results, ended_early, bool((ours["status"] == "ok").all()) and len(ours) == len(trials))
 
 
 def _report_place(place: storage.Place, study: Study, trials: Sequence[Trial], console: Console) -> None:
@@ -117,7 +122,14 @@ def _report_place(place: storage.Place, study: Study, trials: Sequence[Trial], c
         )
     if place.replaced:
         console.print(f"  {place.replaced:,} stored rows are of other meshes or code: their trials run again")
-    if place.is_part:
+    if place.is_part and place.part == place.folder:
+        console.print(
+            f"  {place.folder} has {count_of(len(place.others), 'other trial')}, which stay: tables and pictures are "
+            "about all of them",
+            highlight=False,
+            soft_wrap=True,
+        )
+    elif place.is_part:
         extent = ", ".join(f"{n} of {count_of(of, noun)}" for noun, (n, of) in place.extent.items() if n < of)
         console.print(
             f"  a part of what {place.folder} has{f' ({extent})' if extent else ''}: the other "
@@ -184,6 +196,33 @@ def _store_table_rows(place: storage.Place, store: storage.RowStore) -> None:
     absent = {trial_id for trial_id in place.others if trial_id not in store.status}
     if absent and (place.folder / storage.TABLE_FILE).exists():
         store.add_all(storage.read_reusable(place.folder / storage.TABLE_FILE, absent, failed=True))
+
+
+def _further_rows(study: Study, made: MadeFrom, planned: Sequence[Mapping[str, Any]]) -> dict[Path, tuple[str, ...]]:
+    """Rows of other methods with the same variants, in results that are only read, as the published ones."""
+    below = study.folder.relative_to(study.results_dir)
+    others = [source for source in study.sources if source != study.results_dir]
+    found = (storage.others_of_same_variants(source / below, made.origin, planned) for source in others)
+    return {folder: trial_ids for folder, trial_ids in found if trial_ids}
+
+
+def _add_further_rows(
+    further: Mapping[Path, tuple[str, ...]], place: storage.Place, store: storage.RowStore, console: Console
+) -> storage.Place:
+    """Store rows that were found elsewhere; those of other methods that the folder has already stay."""
+    for folder, trial_ids in further.items():
+        listed = set(place.others)
+        absent = [trial_id for trial_id in trial_ids if trial_id not in listed]
+        unstored = {trial_id for trial_id in absent if trial_id not in store.status}
+        file = storage.rows_file(folder)
+        if unstored and file is not None:
+            store.add_all(storage.read_reusable(file, unstored, failed=True))
+        if absent:
+            console.print(
+                f"  {len(absent):,} trials of other methods are from {folder}", highlight=False, soft_wrap=True
+            )
+            place = dataclasses.replace(place, others=(*place.others, *absent), n_new=max(place.n_new, 1))
+    return place
 
 
 def _write_plan(
@@ -279,16 +318,25 @@ def _store(row: dict[str, Any], store: storage.RowStore, labels: storage.LabelSt
 
 
 def _results(
-    study: Study, place: storage.Place, made: MadeFrom, trials: Sequence[Trial], store: storage.RowStore
+    study: Study,
+    place: storage.Place,
+    made: MadeFrom,
+    planned_rows: Sequence[Mapping[str, Any]],
+    store: storage.RowStore,
 ) -> Results:
     """The results of what was planned, which may be a part of what the folder has."""
     from studies.reporting.results import Results
+    from studies.storage.merging import in_order
 
-    rows = store.frame(made.trial_ids, row_columns(study.experiment))
+    shown = (*place.others, *made.trial_ids) if study.experiment.gathers else made.trial_ids
+    rows = store.frame(shown, row_columns(study.experiment))
     # Rows of earlier versions lack options, and call a method by another name.
-    planned = {row["trial_id"]: row for row in map(planned_row, trials)}
+    planned = {row["trial_id"]: row for row in planned_rows}
     for column in ("segmenter", "segmenter_options"):
-        rows[column] = rows["trial_id"].map(lambda i, column=column: planned[i][column]).astype("string")
+        known = rows["trial_id"].map(lambda i, column=column: planned[i][column] if i in planned else None)
+        rows[column] = known.astype("string").fillna(rows[column])
+    if study.experiment.gathers:
+        rows = in_order(rows).reset_index(drop=True)
     return Results(
         folder=place.part,
         name=study.name,
@@ -365,15 +413,15 @@ def _is_stored(name: str, store: storage.RowStore) -> bool:
     return all(name in row for row in store if row["status"] == "ok")
 
 
-def _report_failures(results: Results, ended_early: str, console: Console) -> None:
+def _report_failures(rows: pd.DataFrame, ended_early: str, console: Console) -> None:
     """Print how many trials failed and why, and whether the study ended early."""
-    if results.failures:
+    failed = rows[rows["status"] != "ok"]
+    if len(failed):
         console.print(
-            f"[red]{results.failures:,} of {count_of(len(results.rows), 'trial')} failed[/red]; trials.parquet has the "
+            f"[red]{len(failed):,} of {count_of(len(rows), 'trial')} failed[/red]; trials.parquet has the "
             "reasons, in the column error, and where they arose, in the column traceback:",
             markup=True,
         )
-        failed = results.rows[results.rows["status"] != "ok"]
         for error in failed["error"].value_counts().head(ERRORS_SHOWN).index:
             trials = [_place(row) for row in failed[failed["error"] == error].to_dict("records")]
             console.print(

@@ -12,10 +12,11 @@ if TYPE_CHECKING:
     from studies.experiments.benchmark import Benchmark
     from studies.experiments.change import Change
     from studies.experiments.experiment import Experiment
+    from studies.experiments.leaderboard import Leaderboard
     from studies.experiments.poses import Poses
     from studies.experiments.times import Times
 
-__all__ = ["Anatomy", "Benchmark", "Change", "Experiment", "Poses", "Times"]
+__all__ = ["Anatomy", "Benchmark", "Change", "Experiment", "Leaderboard", "Poses", "Times"]
 
 
 def __getattr__(name: str) -> Any:

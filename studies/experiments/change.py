@@ -130,10 +130,13 @@ class ChangeTrial(Trial):
     perturbation : Perturbation
         callable (trimesh.Trimesh, numpy.random.Generator) -> perturb.Perturbed
     segmenter : Segmenter
+    draw : str
+        digest of what determines the variant, whatever method segments it
     """
 
     perturbation: Callable[[trimesh.Trimesh, np.random.Generator], perturb.Perturbed]
     segmenter: Segmenter
+    draw: str = ""
 
     def prepare(self) -> Reference:
         """The segmentation of the unperturbed mesh, and its ground truth if the model has one."""
@@ -154,12 +157,16 @@ class ChangeTrial(Trial):
         """The perturbed mesh with these labels, or segmented if there are none."""
         original = reference.mesh
         segmenter = reference.segmenter or self.segmenter.for_original(original.vertices, original.faces)
+        perturbed, seconds_perturb = self.perturbed(original)
         start = time.perf_counter()
         perturbed = self.perturbation(original, np.random.default_rng(self.seed))
         middle = time.perf_counter()
         seconds, megabytes = 0.0, None
         if labels is None:
             labels, seconds, megabytes = measured(segmenter, perturbed.mesh)
+        if labels is None:
+            labels = segmenter(perturbed.mesh.vertices, perturbed.mesh.faces)
+        seconds_segment = time.perf_counter() - start
         return Variant(
             reference,
             perturbed.mesh,
@@ -169,7 +176,15 @@ class ChangeTrial(Trial):
             middle - start,
             seconds,
             megabytes,
+            seconds_perturb,
+            seconds_segment,
         )
+
+    def perturbed(self, original: trimesh.Trimesh) -> tuple[perturb.Perturbed, float]:
+        """The perturbed mesh, and the seconds that perturbing took."""
+        start = time.perf_counter()
+        perturbed = self.perturbation(original, np.random.default_rng(self.seed))
+        return perturbed, time.perf_counter() - start
 
     def measure(self, prepared: Reference) -> dict[str, Any]:
         """Perturb, segment and compare."""
@@ -357,7 +372,8 @@ class Change(Experiment):
         for model in dataset.models():
             identity = fingerprint(model)
             for segmenter in (each.for_model(model) for each in segmenters):
-                group_key = digest(identity, *segmenter.fingerprint)
+                method = segmenter.fingerprint
+                group_key = digest(identity, *method)
                 for part_name, level, perturbation, unit, recipe in levels:
                     for repeat in repeats:
                         # Neither the segmenter nor the perturbation's other options: methods, and ways to read the
@@ -378,10 +394,9 @@ class Change(Experiment):
                                 unit=unit,
                                 repeat=repeat,
                                 seed=seed,
+                                draw=digest(part_name, identity, recipe, level, repeat, seed)[:24],
                                 group_key=group_key,
-                                trial_id=digest(
-                                    part_name, identity, recipe, level, repeat, seed, *segmenter.fingerprint
-                                )[:24],
+                                trial_id=digest(part_name, identity, recipe, level, repeat, seed, *method)[:24],
                             )
                         )
         return self._with_labels_of_gallery(trials)

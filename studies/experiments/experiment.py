@@ -78,11 +78,21 @@ class Experiment(ABC):
         of an experiment of your own, on which the ids of its trials depend: raise it when its trials compute other
         values, so that they run again. None: they depend on a digest of the code of the package, or of the module,
         that defines it, and run again after every change of the code.
+    gathers : bool
+        whether its tables are always about every row of the results folder: those of other methods, models or
+        perturbations than were asked for stay, and count if they are of the same variants (the column ``draw``)
+    selecting : tuple of str
+        options of such a study that choose which trials there are, in addition to those of every study
+    presenting : tuple of str
+        options of such a study that only choose what is made of its rows
     """
 
     columns: ClassVar[tuple[Column, ...]] = ()
     notes: ClassVar[str] = ""
     version: ClassVar[int | str | None] = None
+    gathers: ClassVar[bool] = False
+    selecting: ClassVar[tuple[str, ...]] = ()
+    presenting: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
@@ -117,6 +127,14 @@ class Experiment(ABC):
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
         """Charts made of tables and rows alone, by file stem."""
+        return {}
+
+    def extent(self, rows: pd.DataFrame) -> str:
+        """How large the study is, as its title says it; "" for a title that names the methods."""
+        return ""
+
+    def files(self, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, str]:
+        """Further files made of tables and rows alone: their texts by file name."""
         return {}
 
     def pictures(

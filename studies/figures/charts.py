@@ -250,6 +250,81 @@ class HeatMap:
 
 
 @dataclass(frozen=True)
+class Matrix:
+    """A matrix of values with the number in every cell, drawn with all names of its rows and columns.
+
+    Parameters
+    ----------
+    rows, columns : tuple of str
+        names of the r rows and c columns
+    values : tuple of r tuples of c floats
+        the matrix; a missing value is None
+    marked : tuple of (int, int)
+        cells with a mark in their corner
+    first_apart : int
+        number of the first row below a gap; r if all rows belong together
+    label : str
+        what the values are
+    kind : str
+        "matrix", which distinguishes it from a panel in JSON
+    """
+
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    values: tuple[tuple[Number, ...], ...]
+    marked: tuple[tuple[int, int], ...] = ()
+    first_apart: int = 0
+    label: str = ""
+    kind: str = "matrix"
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of one kind in a scatter plot.
+
+    Parameters
+    ----------
+    label : str
+        text in the legend
+    names : tuple of str
+        what is written next to each point
+    x, y : tuple of float
+        their coordinates
+    role : str
+        "method", "told" (drawn open) or "baseline" (drawn faintly)
+    """
+
+    label: str
+    names: tuple[str, ...]
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    role: str = "method"
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Named points, and the line through those that no other is better than in both coordinates.
+
+    Parameters
+    ----------
+    x, y : Axis
+        the axes
+    points : tuple of Points
+        the points, by kind
+    front : tuple of (float, float)
+        the points on the front, from left to right
+    kind : str
+        "scatter", which distinguishes it from a panel in JSON
+    """
+
+    x: Axis
+    y: Axis
+    points: tuple[Points, ...]
+    front: tuple[tuple[float, float], ...] = ()
+    kind: str = "scatter"
+
+
+@dataclass(frozen=True)
 class Chart:
     """A figure of a study: panels, or heat maps, in a row or in several rows.
 
@@ -257,7 +332,7 @@ class Chart:
     ----------
     title : str
         text above everything
-    panels : tuple of Panel or tuple of HeatMap
+    panels : tuple of Panel, HeatMap, Matrix or Scatter
         parts of the figure, row by row
     legend_title : str
         text above the legend
@@ -277,7 +352,7 @@ class Chart:
     """
 
     title: str
-    panels: tuple[Panel, ...] | tuple[HeatMap, ...]
+    panels: tuple[Panel, ...] | tuple[HeatMap, ...] | tuple[Matrix, ...] | tuple[Scatter, ...]
     legend_title: str = ""
     per_row: int = 0
     subtitle: str = ""

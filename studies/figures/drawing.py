@@ -58,6 +58,7 @@ SLANTED = 0.2  # inches that slanted numbers at the ticks need below the axes
 LINE = 0.15  # height of a line of the legend, in inches
 HANDLE = 0.5  # width of a symbol in the legend and the gaps around it, in inches
 LONGEST_NAME = 1.3  # of a row or column, in inches
+LONGEST_ROW = 1.8  # of a row of dots, in inches
 FEWEST_FROM_COMMA = 1_000  # numbers from here on have their digits grouped
 NOTHING = "no trial succeeded"
 NO_CHANGE = "0 at every level"
@@ -93,6 +94,10 @@ def draw(chart: Chart) -> Figure:
             figure = Figure(figsize=(ONE_COLUMN, 0.1))
             add_heading(figure, chart.title, NOTHING)
             return figure
+        if chart.panels[0].kind in ("matrix", "scatter") or (chart.per_row and chart.panels[0].kind == "panel"):
+            from studies.figures import board_drawing
+
+            return board_drawing.draw(chart)
         if any(isinstance(panel, HeatMap) for panel in chart.panels):
             return _draw_heat_maps(chart, [panel for panel in chart.panels if isinstance(panel, HeatMap)])
         return _draw_panels(chart, [panel for panel in chart.panels if isinstance(panel, Panel)])
@@ -196,10 +201,10 @@ def _draw_panels(chart: Chart, panels: Sequence[Panel]) -> Figure:
         if panel.own_legend:
             # Below the numbers at the ticks and the lines of the label.
             down = ScaledTranslation(0, -0.22 - 0.16 * (1 + panel.x.label.count("\n")), figure.dpi_scale_trans)
-            labels = _legend_labels(of_panel, inches + 0.3)
+            labels = legend_labels(of_panel, inches + 0.3)
             axes.legend(
                 of_panel.values(), labels, title=panel.legend_title or None, frameon=False,
-                ncols=_legend_columns(labels, inches + 0.3), loc="upper center", bbox_to_anchor=(0.5, 0),
+                ncols=legend_columns(labels, inches + 0.3), loc="upper center", bbox_to_anchor=(0.5, 0),
                 bbox_transform=axes.transAxes + down,
             )  # fmt: skip
         else:
@@ -207,8 +212,8 @@ def _draw_panels(chart: Chart, panels: Sequence[Panel]) -> Figure:
     if any(label.get_rotation() for axes in row for label in axes.get_xticklabels()):
         figure.set_figheight(figure.get_figheight() + SLANTED)
     if handles:
-        labels = _legend_labels(handles, across)
-        columns = _legend_columns(labels, across)
+        labels = legend_labels(handles, across)
+        columns = legend_columns(labels, across)
         lines = math.ceil(len(handles) / columns) + bool(chart.legend_title)
         figure.set_figheight(figure.get_figheight() + LINE * max(lines - 2, 0))
         figure.legend(
@@ -237,7 +242,7 @@ def _draw_panel(axes: Axes, panel: Panel, inches: float) -> dict[str, Any]:
         handles.setdefault(span.label, axes.axvspan(span.start, span.end, color=shade, lw=0, zorder=0.5))
     for band in panel.bands:
         colour = group_style(band.group).colour
-        drawn = axes.fill_between(band.x, _array(band.low), _array(band.high), color=colour, alpha=0.2, lw=0)
+        drawn = axes.fill_between(band.x, numbers(band.low), numbers(band.high), color=colour, alpha=0.2, lw=0)
         handles.setdefault(band.label, drawn)
     n_groups = len({series.group for series in panel.series if series.role == "mean"})
     for series in panel.series:
@@ -271,7 +276,7 @@ def _computed(panel: Panel) -> list[float]:
 
 def _draw_series(axes: Axes, series: Series, n_groups: int) -> Any:
     style = group_style(series.group)
-    x, y = np.array(series.x), _array(series.y)
+    x, y = np.array(series.x), numbers(series.y)
     if series.role == "model":
         return axes.plot(x, y, color=style.colour, alpha=0.35, lw=0.7)[0]
     if series.role == "median":
@@ -310,7 +315,7 @@ def _draw_bars(axes: Axes, bars: Bars, number: int, n_bars: int, categories: Seq
     colour = style.colour if bars.span is None else shades[bars.span]
     hatch = style.hatch if bars.span is None else ""
     edge = "white" if hatch else "0.4"
-    return axes.bar(at, _array(bars.values), width, color=colour, hatch=hatch, edgecolor=edge, lw=0.3)
+    return axes.bar(at, numbers(bars.values), width, color=colour, hatch=hatch, edgecolor=edge, lw=0.3)
 
 
 def _draw_dots(axes: Axes, dots: Dots, number: int, all_dots: Sequence[Dots], categories: Sequence[str]) -> Any:
@@ -319,7 +324,7 @@ def _draw_dots(axes: Axes, dots: Dots, number: int, all_dots: Sequence[Dots], ca
     for name in dots.categories:
         sources = [i for i, other in enumerate(all_dots) if name in other.categories]
         at.append(categories.index(name) + 0.36 * (sources.index(number) - (len(sources) - 1) / 2))
-    values = _array(dots.values)
+    values = numbers(dots.values)
     style = group_style(dots.group)
     look: dict[str, Any] = {"color": style.colour, "marker": style.marker, "ms": 3.5, "ls": ""}
     if dots.role == "published":
@@ -346,7 +351,7 @@ def _set_x_axis(axes: Axes, axis: Axis, inches: float) -> None:
 def _set_y_axis(axes: Axes, axis: Axis) -> None:
     axes.set_ylabel(displayable(axis.label))
     if axis.categories:
-        names = [shorten(displayable(name), SMALL, LONGEST_NAME) for name in axis.categories]
+        names = [shorten(displayable(name), SMALL, LONGEST_ROW) for name in axis.categories]
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.5, -0.5)
     elif axis.logarithmic and np.isfinite(axes.dataLim.minposy):  # matplotlib has no logarithmic scale without data
@@ -401,11 +406,12 @@ def _number(value: float) -> str:
     return f"{value:,.0f}" if value >= FEWEST_FROM_COMMA and value == round(value) else f"{value:g}"
 
 
-def _legend_labels(labels: Iterable[str], inches: float) -> list[str]:
+def legend_labels(labels: Iterable[str], inches: float) -> list[str]:
+    """Labels of a legend of this width in inches."""
     return [shorten(displayable(label), SMALL, inches - HANDLE) for label in labels]
 
 
-def _legend_columns(labels: Iterable[str], inches: float) -> int:
+def legend_columns(labels: Iterable[str], inches: float) -> int:
     """How many columns of the legend fit on a width in inches: at most four."""
     lengths = [HANDLE + width(label, SMALL) for label in labels]
     for columns in range(min(len(lengths), 4), 1, -1):
@@ -436,7 +442,7 @@ def _draw_heat_maps(chart: Chart, heat_maps: Sequence[HeatMap]) -> Figure:
     for axes in grid.flat[len(heat_maps) :]:
         axes.set_axis_off()
     for axes, heat_map, above in zip(grid.flat, heat_maps, headings, strict=False):
-        values = np.ma.masked_invalid([_array(row) for row in heat_map.values])
+        values = np.ma.masked_invalid([numbers(row) for row in heat_map.values])
         n_rows, n_columns = values.shape
         shown = axes.pcolormesh(
             np.arange(n_columns + 1) - 0.5, np.arange(n_rows + 1) - 0.5, values, cmap=colours, vmin=heat_map.low,
@@ -467,7 +473,8 @@ def _span_colours(count: int) -> np.ndarray:
     return matplotlib.colormaps[SPAN_COLOURS](np.linspace(0.12, 0.36, count))
 
 
-def _array(values: Sequence[Number]) -> np.ndarray:
+def numbers(values: Sequence[Number]) -> np.ndarray:
+    """Values as an array, NaN for those that are missing."""
     return np.array([math.nan if value is None else value for value in values], dtype=float)
 
 
@@ -476,4 +483,4 @@ def _reach(values: np.ndarray, low: Sequence[Number], high: Sequence[Number]) ->
 
     A percentile interval need not be centred on the mean, nor contain it.
     """
-    return np.nan_to_num(np.abs([values - _array(low), _array(high) - values]))
+    return np.nan_to_num(np.abs([values - numbers(low), numbers(high) - values]))

@@ -137,6 +137,9 @@ class Results:
     @property
     def title(self) -> str:
         """The title with dataset, methods, and how much of the dataset it is about."""
+        extent = self.experiment.extent(self.rows) if len(self.rows) else ""
+        if extent:
+            return f"{full_title(self.base_title, self.dataset, [])}: {extent}"
         return full_title(self.base_title, self.dataset, self.methods, self.subset)
 
     @cached_property

@@ -48,6 +48,11 @@ def write_tables(results: Results, console: Console, *, rows: bool = True) -> No
     with _after_tables("charts", results):
         for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
             drawing.save(drawing.draw(chart), folder / f"{stem}.png")
+    for name, text in results.experiment.files(tables, results.rows, results.title).items():
+        with atomic_write(folder / name) as path:
+            path.write_text(encodable(text), "utf-8")
+    for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
+        drawing.save(drawing.draw(chart), folder / f"{stem}.png")
     print_table(results.title, results.main_table, console)
 
 
@@ -70,11 +75,14 @@ def write_origin(made: MadeFrom, place: Place, sources: Sequence[Path], *, ran: 
     if earlier and not ran:
         new |= {key: earlier[key] for key in MADE_WITH if key in earlier}
     if place.is_part:
-        place.part.mkdir(parents=True, exist_ok=True)
-        _write(place.part, made.origin.record, new)
+        if place.part != place.folder:
+            place.part.mkdir(parents=True, exist_ok=True)
+            _write(place.part, made.origin.record, new)
         if not (ran or place.n_new):
             return
-        record = merge_options(read_config(place.folder), dict(made.origin.record))
+        record = merge_options(_config_of(place.folder) or dict(made.origin.record), dict(made.origin.record))
+        versions = dict(stored.get("segmenter_versions", {})) | dict(made.origin.versions)
+        new["segmenter_versions"] = versions
         commands = [*stored.get("earlier_commands", ()), stored.get("command", "")]
         new["meshes_sha256"] = dict(stored.get("meshes_sha256", {})) | dict(made.origin.meshes)
         new["earlier_commands"] = [each for each in dict.fromkeys(commands) if each not in ("", made.command)]
@@ -102,6 +110,11 @@ def _provenance_of(folder: Path) -> dict[str, Any]:
         return read_provenance(folder)
     except (OSError, ValueError):
         return {}
+
+
+def _config_of(folder: Path) -> dict[str, Any]:
+    """The configuration that is stored with results; nothing if there is none."""
+    return read_config(folder) if (folder / CONFIG_FILE).exists() else {}
 
 
 def _encodable(value: Any) -> Any:

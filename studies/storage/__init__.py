@@ -20,10 +20,12 @@ if TYPE_CHECKING:
     from studies.storage.locking import lock_holder as lock_holder
     from studies.storage.placement import Origin as Origin
     from studies.storage.placement import Place as Place
+    from studies.storage.placement import others_of_same_variants as others_of_same_variants
     from studies.storage.placement import place as place
     from studies.storage.records import read_config as read_config
     from studies.storage.reuse import find_reusable as find_reusable
     from studies.storage.reuse import read_reusable as read_reusable
+    from studies.storage.reuse import rows_file as rows_file
     from studies.storage.rows import RowStore as RowStore
     from studies.storage.rows import StoredRows as StoredRows
     from studies.storage.rows import read_rows as read_rows
@@ -46,12 +48,14 @@ _MODULE_OF = {
     "encodable": "text",
     "find_reusable": "reuse",
     "lock_holder": "locking",
+    "others_of_same_variants": "placement",
     "place": "placement",
     "planned_ids": "folders",
     "read_config": "records",
     "read_reusable": "reuse",
     "read_rows": "rows",
     "result_folders": "folders",
+    "rows_file": "reuse",
     "summarize": "summary",
 }
 

@@ -25,6 +25,9 @@ _SELECTING_IN_EXPERIMENT = (
     *SELECTING, "gallery", "title", "axis", "plates", "plate", "columns_shown", "counted", "criterion",
 )  # fmt: skip
 
+# Options of a study whose folder gathers rows of several methods, as its experiment declares them.
+_DECLARED = ("selecting", "presenting")
+
 Options = dict[str, Any]
 
 
@@ -49,14 +52,24 @@ def identity(record: Mapping[str, Any]) -> Options:
     >>> found["segmenter.time"], found["segmenter.density"], "levels" in found, "dataset.models" in found
     (2, 'vertices', False, False)
     """
-    kept = _without(record, (*INCIDENTAL, *SELECTING))
+    declared = [name for kind in _DECLARED for name in declared_options(record, kind)]
+    kept = _without(record, (*INCIDENTAL, *SELECTING, *declared))
     kept["dataset"] = _without(_with_defaults(record.get("dataset") or {}), SELECTING_IN_DATASET)
     kept["experiment"] = _without(record.get("experiment") or {}, _SELECTING_IN_EXPERIMENT)
-    kept["segmenter"] = _with_defaults(record.get("segmenter") or {})
+    if "segmenter" not in declared:
+        kept["segmenter"] = _with_defaults(record.get("segmenter") or {})
     kept.update(_perturbation(kept))
     if isinstance(kept.get("parts"), Mapping):
         kept["parts"] = {name: _of_part(part) for name, part in kept["parts"].items()}
     return {key: value for key, value in flat(kept).items() if value not in (None, {}, [])}
+
+
+def declared_options(record: Mapping[str, Any], kind: str) -> tuple[str, ...]:
+    """The options that the experiment of a record declares as ``selecting`` or ``presenting``."""
+    try:
+        return tuple(getattr(locate("", record["experiment"]["_target_"], ValueError), kind, ()))
+    except (KeyError, ValueError, TypeError):  # what a stored record names need not be there any more
+        return ()
 
 
 def selection(record: Mapping[str, Any]) -> Options:

@@ -13,7 +13,7 @@ from studies.columns import Column
 from studies.planning.trial import TIMINGS
 from studies.storage.atomic import atomic_write
 from studies.storage.folders import planned_ids, result_folders
-from studies.storage.identity import differences, identity
+from studies.storage.identity import declared_options, differences, identity
 from studies.storage.records import CONFIG_FILE, PROVENANCE_FILE, read_config, read_provenance
 from studies.storage.rows import RowStore, read_rows
 
@@ -195,8 +195,14 @@ def _as_dicts(rows: "pd.DataFrame") -> list[dict[str, Any]]:
 
 
 def merge_options(a: Options, b: Options) -> Options:
-    """The options of ``a`` with the levels, repeats and models of both."""
+    """The options of ``a`` with the levels, repeats and models of both, and what the experiment declares to select."""
     merged = dict(a)
+    for key in declared_options(a, "presenting"):
+        if key in b:
+            merged[key] = b[key]
+    for key in declared_options(a, "selecting"):
+        if key in a and key in b and key != "segmenter":
+            merged[key] = _both(a[key], b[key])
     merged["levels"] = _union(a.get("levels"), b.get("levels"))
     if not merged["levels"]:
         del merged["levels"]
@@ -213,6 +219,16 @@ def merge_options(a: Options, b: Options) -> Options:
             is_open = None in chosen or "non_rigid" in chosen
             merged["dataset"][key] = chosen[0] if is_open else _union(*chosen)
     return merged
+
+
+def _both(a: Any, b: Any) -> Any:
+    """What selects all that either of two options does: null selects everything."""
+    if a is None or b is None:
+        return None
+    if isinstance(a, int) and isinstance(b, int):
+        return max(a, b)
+    a, b = ([each] if isinstance(each, str) else each for each in (a, b))
+    return [*a, *(each for each in b if each not in a)]
 
 
 def _union(a: Sequence[Any] | None, b: Sequence[Any] | None) -> list[Any]:

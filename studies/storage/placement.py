@@ -7,7 +7,7 @@ repeats, other levels or models) adds to it; another method, perturbation or dat
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from studies.storage.rows import parse_rows, read_table_columns
 
 # What tells the trials of a folder apart, whatever code or mesh they were made with.
 SLOT = ("model", "other", "segmenter", "part", "level", "repeat")
+DRAW = "draw"  # what tells the variants of a folder apart that gathers rows of several methods
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,9 @@ class Place:
         return bool(self.others)
 
 
-def place(base: Path, origin: Origin, planned: Sequence[Mapping[str, Any]], fresh: bool = False) -> Place:
+def place(
+    base: Path, origin: Origin, planned: Sequence[Mapping[str, Any]], fresh: bool = False, *, gathers: bool = False
+) -> Place:
     """Where a study writes.
 
     Parameters
@@ -137,6 +140,9 @@ def place(base: Path, origin: Origin, planned: Sequence[Mapping[str, Any]], fres
         a row for each of its trials, with trial_id and what of ``SLOT`` is known
     fresh : bool
         whether it starts over: what its own folder contains is moved away
+    gathers : bool
+        whether the tables are always about every row of the folder: those of other methods or models stay and count,
+        if they are of the same variants
 
     Returns
     -------
@@ -145,6 +151,8 @@ def place(base: Path, origin: Origin, planned: Sequence[Mapping[str, Any]], fres
     folder = _own_folder(base, origin)
     if fresh:
         return Place(folder, part=folder, n_new=len(planned))
+    if gathers:
+        return _gathering_place(folder, planned)
     owner = Origin.read(folder)
     stored = _stored(folder)
     planned_slots = {_slot(row): row["trial_id"] for row in planned}
@@ -163,6 +171,55 @@ def place(base: Path, origin: Origin, planned: Sequence[Mapping[str, Any]], fres
     changed = {"version": short_digest([dict(origin.versions), sorted(origin.meshes.items())])}
     chosen = differences(selection(owner.record), selection(origin.record)) if owner else {}
     return place(folder / folder_name(words(chosen | changed)), origin, planned)
+
+
+def _gathering_place(folder: Path, planned: Sequence[Mapping[str, Any]]) -> Place:
+    """Where a study writes whose tables are about every row of the folder."""
+    stored = _stored(folder)
+    ids = {row["trial_id"] for row in planned}
+    unplanned = [row for row in stored if row["trial_id"] not in ids]
+    others = tuple(row["trial_id"] for row in filter(_stays(planned), unplanned))
+    replaced = len(unplanned) - len(others)
+    n_new = len(ids - set(_listed(folder, stored)))
+    return Place(folder, others, folder, replaced, n_new, _extent(planned, stored))
+
+
+def others_of_same_variants(
+    base: Path, origin: Origin, planned: Sequence[Mapping[str, Any]]
+) -> tuple[Path, tuple[str, ...]]:
+    """Where another folder of results has trials of other methods with the variants of a study.
+
+    Parameters
+    ----------
+    base : Path
+        the folder of the study and its dataset in other results
+    origin : Origin
+    planned : sequence of mapping
+        as in `place`
+
+    Returns
+    -------
+    (Path, tuple of str)
+        the folder, and the trial_ids, none if it has none
+    """
+    folder = _own_folder(base, origin)
+    draws = {row[DRAW] for row in planned}
+    slots = {_slot(row) for row in planned}
+    return folder, tuple(
+        row["trial_id"] for row in _stored(folder) if row.get(DRAW) in draws and _slot(row) not in slots
+    )
+
+
+def _stays(planned: Sequence[Mapping[str, Any]]) -> Callable[[Mapping[str, Any]], bool]:
+    """Whether a stored row counts beside the planned trials: it is of none of them, and of no other variant."""
+    slots = {_slot(row) for row in planned}
+    draws = {_variant(row): row[DRAW] for row in planned}
+    return lambda row: _slot(row) not in slots and draws.get(_variant(row), row.get(DRAW)) == row.get(DRAW)
+
+
+def _variant(row: Mapping[str, Any]) -> str:
+    """What tells a variant apart, whatever method segments it."""
+    return _slot({**row, "segmenter": ""})
 
 
 def _extent(planned: Sequence[Mapping[str, Any]], stored: Sequence[Mapping[str, Any]]) -> dict[str, tuple[int, int]]:
@@ -217,7 +274,7 @@ def _listed(folder: Path, stored: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def _stored(folder: Path) -> list[dict[str, Any]]:
     """The stored rows of the folder's last plan, with the columns of ``SLOT``; none if they cannot be read."""
-    names = ["trial_id", *SLOT]
+    names = ["trial_id", *SLOT, DRAW]
     if table_is_current(folder):
         try:
             columns = read_table_columns(folder / TABLE_FILE, names)

@@ -29,7 +29,7 @@ def find_reusable(results: Path | str, folder: Path, trial_ids: Iterable[str]) -
     for other in sorted(result_folders(results), key=lambda other: other != folder):
         if not missing:
             break
-        path = _source(other)
+        path = rows_file(other)
         if path is None or path == folder / ROWS_FILE:
             continue
         reusable = missing & _successful_ids(path)
@@ -67,8 +67,8 @@ def read_reusable(path: Path, trial_ids: Collection[str], *, failed: bool = Fals
     return (row for row in rows if failed or row["status"] == "ok")
 
 
-def _source(folder: Path) -> Path | None:
-    """The file of a folder that has the rows."""
+def rows_file(folder: Path) -> Path | None:
+    """The file of a folder that has the rows; None if there is none."""
     rows, table = folder / ROWS_FILE, folder / TABLE_FILE
     if rows.exists() and rows.stat().st_size:
         return rows

@@ -1,0 +1,129 @@
+"""The board for other programs: LaTeX, and JSON with everything about each method."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from studies.columns import Table, is_missing
+from studies.experiments.leaderboard.cards import Card, cards_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_SPECIAL = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--",
+}  # fmt: skip
+_YES_OR_NO = ("baseline", "pareto")
+_NAMES = ("method", "segmenter")
+
+
+def latex(table: Table, title: str) -> str:
+    """A table for LaTeX with the package booktabs: words to the left, numbers to the right.
+
+    Parameters
+    ----------
+    table : Table
+    title : str
+        the caption
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from studies.columns import Column
+    >>> share = Column(name="share", heading="failed %", format=".1f")
+    >>> print(latex(Table("table", pd.DataFrame({"share": [0.5]}), (share,)), "50 % & more").replace("\\\\", "/"))
+    % needs \\usepackage{booktabs}
+    ...
+    """
+    columns = table.visible()
+    alignment = "".join("l" if column.dtype == "string" else "r" for column in columns)
+    lines = [
+        r"% needs \usepackage{booktabs}",
+        r"\begin{table}",
+        rf"\caption{{{escaped(title)}}}",
+        rf"\begin{{tabular}}{{{alignment}}}",
+        r"\toprule",
+        _line([column.title for column in columns]),
+        r"\midrule",
+        *(_line(cells) for cells in table.cells()),
+        r"\bottomrule",
+        r"\end{tabular}",
+        r"\end{table}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def escaped(text: str) -> str:
+    r"""Text with the characters that are special in LaTeX escaped.
+
+    Examples
+    --------
+    >>> print(escaped("95 % of my_method"))
+    95 \% of my\_method
+    """
+    return "".join(_SPECIAL.get(letter, letter) for letter in text)
+
+
+def _line(cells: list[str]) -> str:
+    return " & ".join(map(escaped, cells)) + r" \\"
+
+
+def as_json(tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> str:
+    """One entry per method, in the order of the board: who, what, licences, citation, version, and all scores."""
+    cards = cards_of(rows)
+    under = {row["segmenter"]: row for row in tables["by_perturbation"].records()}
+    parts = [column.name for column in tables["by_perturbation"].columns if column.name != "method"]
+    document = {
+        "title": title,
+        "models": sorted(map(str, rows["model"].unique())),
+        "methods": [
+            _described(cards[row["segmenter"]])
+            | {"scores": _scores(row)}
+            | {"perturbations": {part: _under(under[row["segmenter"]], part) for part in parts}}
+            for row in tables["table"].records()
+        ],
+    }
+    return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+
+
+def _described(card: Card) -> dict[str, Any]:
+    about = card.about
+    return {
+        "name": card.name,
+        "title": card.title,
+        "source": about.source,
+        "bibtex": about.bibtex,
+        "licences": dict(about.licences),
+        "extra": about.extra,
+        "told_k": card.told,
+        "seeded": about.seeded,
+        "baseline": card.baseline,
+        "target": card.target,
+        "version": card.version,
+        "options": card.options,
+    }
+
+
+def _scores(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        name: value == "yes" if name in _YES_OR_NO else _plain(value)
+        for name, value in row.items()
+        if name not in (*_NAMES, "k", "baseline")
+    }
+
+
+def _under(row: Mapping[str, Any], part: str) -> dict[str, Any]:
+    """The scores of a method under one perturbation."""
+    names = {"ce": "corruption_error", "cp": "change_percentage", "failed": "failed", "missing": "missing"}
+    return {name: _plain(row[f"{part}_{key}"]) for key, name in names.items()}
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it: None where it is missing."""
+    if is_missing(value) or (isinstance(value, float) and not math.isfinite(value)):
+        return None
+    return value.item() if hasattr(value, "item") else value
