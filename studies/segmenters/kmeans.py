@@ -113,7 +113,7 @@ class KMeans:
         graph = connected_dual_graph(vertices, faces)
         ways = graph.matrix(katz_tal_weights(graph, self.geodesic_share, self.convex_weight))
         samples, distances = farthest_points(ways, outermost_face(graph), self.n_samples)
-        weights = np.bincount(distances.argmin(axis=0), graph.areas, len(samples))
+        weights = np.bincount(distances.argmin(axis=0), graph.areas, len(samples)).astype(np.float64)
         representatives, to_faces = farthest_points(ways, int((weights @ distances).argmin()), n_segments)
         labels = to_faces.argmin(axis=0)
         for _ in range(self.iterations):
