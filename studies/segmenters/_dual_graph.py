@@ -104,9 +104,11 @@ class DualGraph:
         matrix = sp.coo_array((np.concatenate([weights, weights]), (rows, columns)), (self.n_faces, self.n_faces))
         return matrix.tocsr()
 
-    def components(self) -> NDArray[np.int64]:
-        """For each face the number of its connected component: (m,)."""
-        return connected_components(self.matrix(np.ones(len(self.pairs))), directed=False)[1].astype(np.int64)
+    def components(self, labels: NDArray[np.int64] | None = None) -> NDArray[np.int64]:
+        """For each face the number of its connected component, or of the connected faces with its label: (m,)."""
+        pairs = self.pairs if labels is None else self.pairs[labels[self.pairs[:, 0]] == labels[self.pairs[:, 1]]]
+        joined = sp.coo_array((np.ones(len(pairs)), tuple(pairs.T)), (self.n_faces, self.n_faces))
+        return connected_components(joined, directed=False)[1].astype(np.int64)
 
 
 def _shared_edges(
