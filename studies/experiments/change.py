@@ -158,26 +158,18 @@ class ChangeTrial(Trial):
         original = reference.mesh
         segmenter = reference.segmenter or self.segmenter.for_original(original.vertices, original.faces)
         perturbed, seconds_perturb = self.perturbed(original)
-        start = time.perf_counter()
-        perturbed = self.perturbation(original, np.random.default_rng(self.seed))
-        middle = time.perf_counter()
-        seconds, megabytes = 0.0, None
+        seconds_segment, megabytes = 0.0, None
         if labels is None:
-            labels, seconds, megabytes = measured(segmenter, perturbed.mesh)
-        if labels is None:
-            labels = segmenter(perturbed.mesh.vertices, perturbed.mesh.faces)
-        seconds_segment = time.perf_counter() - start
+            labels, seconds_segment, megabytes = measured(segmenter, perturbed.mesh)
         return Variant(
             reference,
             perturbed.mesh,
             labels,
             perturbed.counterpart,
             perturbed.applied,
-            middle - start,
-            seconds,
-            megabytes,
             seconds_perturb,
             seconds_segment,
+            megabytes,
         )
 
     def perturbed(self, original: trimesh.Trimesh) -> tuple[perturb.Perturbed, float]:

@@ -45,14 +45,12 @@ def write_tables(results: Results, console: Console, *, rows: bool = True) -> No
             table.frame.to_csv(path, index=False, float_format="%.6g")
     with atomic_write(folder / "table.md") as path:
         path.write_text(encodable(markdown_page(results.title, *tables.values())), "utf-8")
-    with _after_tables("charts", results):
-        for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
-            drawing.save(drawing.draw(chart), folder / f"{stem}.png")
     for name, text in results.experiment.files(tables, results.rows, results.title).items():
         with atomic_write(folder / name) as path:
             path.write_text(encodable(text), "utf-8")
-    for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
-        drawing.save(drawing.draw(chart), folder / f"{stem}.png")
+    with _after_tables("charts", results):
+        for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
+            drawing.save(drawing.draw(chart), folder / f"{stem}.png")
     print_table(results.title, results.main_table, console)
 
 
