@@ -12,6 +12,18 @@ from numpy.typing import NDArray
 
 import heatwalk
 from heatwalk.segmentation import DENSITIES, TIME_UNITS, compile_ahead
+from studies.segmenters.about import About
+
+_BIBTEX = """\
+@article{benjamin2011heatwalk,
+  author = {Benjamin, W. and Polk, A. W. and Vishwanathan, S. V. N. and Ramani, K.},
+  title = {Heat Walk: Robust Salient Segmentation of Non-rigid Shapes},
+  journal = {Computer Graphics Forum},
+  volume = {30},
+  number = {7},
+  year = {2011},
+  doi = {10.1111/j.1467-8659.2011.02060.x}
+}"""
 
 
 class _NotCompiledError(Exception):
@@ -60,6 +72,14 @@ class HeatWalk:
                 raise ValueError(f"segmenter.{option} is {getattr(self, option)!r}: choose one of {', '.join(valid)}")
 
     algorithm_version: ClassVar[int] = heatwalk.ALGORITHM_VERSION
+    about: ClassVar[About] = About(
+        title="Heat Walk",
+        source=(
+            "W. Benjamin, A. W. Polk, S. V. N. Vishwanathan, K. Ramani, Heat Walk: Robust Salient Segmentation of "
+            "Non-rigid Shapes, 2011"
+        ),
+        bibtex=_BIBTEX,
+    )
 
     @staticmethod
     def is_compiled() -> bool:
