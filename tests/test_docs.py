@@ -4,9 +4,11 @@ import itertools
 import re
 import shlex
 import shutil
+import sys
 from importlib import import_module
 from importlib.metadata import distribution
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -100,6 +102,26 @@ def test_the_documented_function_is_a_segmenter(run, workplace):
     assert rows[["segmenter", "status", "n_segments_reference"]].values.tolist() == [["my_method (k=5)", "ok", 5]]
 
 
+def test_the_documented_class_is_told_the_number_of_segments_of_the_original(run, workplace):
+    block, command = example("docs/segmenters.md", "my_methods.py")
+    (workplace / "my_methods.py").write_text(block.text, encoding="utf-8")
+    _, *words = shlex.split(command.splitlines()[1])
+    run([*words, "dataset.models=[ant]", "levels=[0.1]", "repeats=1", "gallery.models=0"])
+    rows = pd.read_parquet(workplace / "mine" / "shot_noise" / "bundled" / "trials.parquet")
+    assert rows[["segmenter", "status", "n_segments_reference"]].values.tolist() == [["Sectors", "ok", 1]]
+    table = (workplace / "mine" / "shot_noise" / "bundled" / "table.md").read_text(encoding="utf-8")
+    assert "Told how many segments to find: Sectors." in table
+
+
+def test_the_documented_script_for_a_network_is_a_program_that_segments(run, workplace):
+    block, command = example("docs/neural.md", "segment_with_network.py")
+    (workplace / "segment_with_network.py").write_text(block.text, encoding="utf-8")
+    _, *words = [word.replace("=python ", f"='{sys.executable}' ") for word in shlex.split(command)]
+    run([*words, "dataset.models=[ant]", "levels=[0.1]", "repeats=1", "gallery.models=0"])
+    rows = pd.read_parquet(workplace / "mine" / "shot_noise" / "bundled" / "trials.parquet")
+    assert rows[["status", "n_segments_reference", "change_percentage"]].values.tolist() == [["ok", 1, 0.0]]
+
+
 @pytest.mark.parametrize("page", TEXT)
 def test_links_between_pages_lead_to_files_and_headings(page):
     for target in re.findall(r"\]\(([^)\s]+)\)", TEXT[page]):
@@ -139,6 +161,25 @@ def test_the_gallery_shows_every_perturbation_of_today(gallery):
     pictures = {path.stem: path.stat().st_size for path in gallery.PICTURES.glob("*.png")}
     assert sorted(pictures) == sorted(gallery.shown()), again
     assert max(pictures.values()) <= gallery.LARGEST
+
+
+def test_every_perturbation_stands_for_something_in_practice(gallery):
+    assert sorted(gallery.PRACTICE) == sorted(gallery.shown())
+
+
+def test_every_shipped_method_is_in_the_table_of_methods(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    hooks, methods = import_module("hooks"), import_module("methods")
+    files = {path.stem for path in (Path(conf.__file__).parent / "segmenter").glob("*.yaml")}
+    assert set(methods.methods()) == files - {"custom", "external"}
+    config = SimpleNamespace(config_file_path=str(ROOT / "mkdocs.yml"))
+    page = hooks.on_page_markdown(TEXT["docs/segmenters.md"], page=None, config=config, files=None)
+    for name, method in methods.methods().items():
+        assert method.about is not None, f"{name} needs an attribute `about`"
+        (row,) = [line for line in page.splitlines() if line.startswith(f"| `{name}` |")]
+        assert method.about.title in row
+        assert method.about.source in row
+        assert row.split(" | ")[3] == ("yes" if method.is_told else "no")
 
 
 def test_versions_agree():

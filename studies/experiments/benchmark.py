@@ -282,7 +282,7 @@ def _cost(rows: pd.DataFrame) -> Table | None:
             "segmenter": name,
             SECONDS.name: group[SECONDS.name].mean(),
             LARGEST_SECONDS.name: group[SECONDS.name].max(),
-            PEAK_MEMORY.name: group[PEAK_MEMORY.name].max(),
+            PEAK_MEMORY.name: group[PEAK_MEMORY.name].median(),
             MODELS.name: len(group),
         }
         for name, group in good.groupby("segmenter", sort=False)

@@ -559,7 +559,7 @@ def _failures_and_seconds(rows: pd.DataFrame) -> Table | None:
             **dict(zip(keys, key, strict=True)),
             FAILED_SHARE.name: 100 * float((group["status"] != "ok").mean()),
             **{column.name: model_mean(group[group["status"] == "ok"], column.name) for column in timed},
-            **({PEAK_MEMORY.name: group[PEAK_MEMORY.name].max()} if has_memory else {}),
+            **({PEAK_MEMORY.name: group[PEAK_MEMORY.name].median()} if has_memory else {}),
             "n": int((group["status"] == "ok").sum()),
         }
         for key, group in rows.groupby(keys, sort=False)

@@ -50,7 +50,7 @@ PEAK_MEMORY = Column(
     format=".1f",
     unit="MB",
     lower_is_better=True,
-    help="Largest peak memory of segmenting, above what the process used before.",
+    help="Median over trials of the peak memory of segmenting, above what the process used before.",
 )
 """Column of tables of what methods cost."""
 

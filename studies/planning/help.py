@@ -32,6 +32,7 @@ Examples
   python -m studies.run +study=holes dataset=psb dataset.root=PATH 'dataset.categories=[Human,Ant]'
   python -m studies.run +study=normal_noise dataset=files 'dataset.glob=my/meshes/*.obj' repeats=5
   python -m studies.run +study=shot_noise 'levels=[0.1,0.2]' perturbation.height=2 engine.workers=4
+  python -m studies.run +study=table1 dataset=synthetic segmenters=all
   python -m studies.run -m +study=holes,shot_noise segmenter.time=0.5,1,2
 
 `--cfg job` prints the whole configuration of a study without running it."""

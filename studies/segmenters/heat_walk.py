@@ -15,8 +15,8 @@ from heatwalk.segmentation import DENSITIES, TIME_UNITS, compile_ahead
 from studies.segmenters.about import About
 
 _BIBTEX = """\
-@article{benjamin2011heat,
-  author = {Benjamin, William and Polk, Andrew Wood and Vishwanathan, S. V. N. and Ramani, Karthik},
+@article{benjamin2011heatwalk,
+  author = {Benjamin, W. and Polk, A. W. and Vishwanathan, S. V. N. and Ramani, K.},
   title = {Heat Walk: Robust Salient Segmentation of Non-rigid Shapes},
   journal = {Computer Graphics Forum},
   volume = {30},
@@ -74,7 +74,10 @@ class HeatWalk:
     algorithm_version: ClassVar[int] = heatwalk.ALGORITHM_VERSION
     about: ClassVar[About] = About(
         title="Heat Walk",
-        source="Benjamin, Polk, Vishwanathan, Ramani, Heat Walk: Robust Salient Segmentation of Non-rigid Shapes, 2011",
+        source=(
+            "W. Benjamin, A. W. Polk, S. V. N. Vishwanathan, K. Ramani, Heat Walk: Robust Salient Segmentation of "
+            "Non-rigid Shapes, 2011"
+        ),
         bibtex=_BIBTEX,
     )
 

@@ -65,6 +65,15 @@ def test_every_general_option_is_explained():
         assert not line.strip() or "#" in line or line.strip() == "gallery:", line
 
 
+def test_help_says_how_to_compare_methods_and_where_the_number_of_segments_comes_from():
+    text = help_text(["--help"])
+    (several,) = [line for line in text.splitlines() if line.startswith("  segmenters: null")]
+    assert "segmenters=[heat_walk,my_package.my_method]" in several
+    assert "all: every one" in several
+    (reference,) = [line for line in text.splitlines() if line.startswith("  reference_segmenter: null")]
+    assert "number of segments on the original" in reference
+
+
 def test_help_is_that_of_the_command_too(tmp_path):
     done = typed(tmp_path, "--help", "+study=scaling")
     assert (done.returncode, done.stdout) == (0, help_text(["--help", "+study=scaling", "engine=serial"]) + "\n")

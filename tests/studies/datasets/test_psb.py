@@ -2,6 +2,7 @@ import gzip
 import hashlib
 import pickle
 import zipfile
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -283,3 +284,22 @@ def test_a_model_of_another_dataset_has_no_segmentations_by_methods():
     assert model.method_digests() == {}
     with pytest.raises(ValueError, match="model cow has no segmentation by RandCuts"):
         model.method_segmentation("RandCuts")
+
+
+def test_the_typical_number_of_segments_is_the_mode_over_the_people_and_models_of_the_category(psb_root):
+    for category in ("Human", "Octopus"):
+        numbers = Counter(
+            len(np.unique(np.loadtxt(file, dtype=int)))
+            for number in CATEGORIES[category]
+            for file in (psb_root / "data" / "seg" / "Benchmark" / str(number)).glob("*.seg")
+        )
+        mode = min(number for number, count in numbers.items() if count == max(numbers.values()))
+        first = next(str(n) for n in CATEGORIES[category] if (psb_root / "data" / "off" / f"{n}.off").exists())
+        (model,) = PSB(psb_root, models=[first]).models()
+        assert model.typical_n_segments() == mode
+
+
+def test_a_category_that_nobody_segmented_has_no_typical_number(small):
+    models = {model.name: model.typical_n_segments() for model in PSB(small).models()}
+    # 2 and 10 are of one category, in which one person found a single segment, and two found two.
+    assert models == {"2": 2, "10": 2, "84": None}

@@ -49,6 +49,16 @@ def test_the_peak_counts_that_is_over_when_the_block_ends():
     assert memory.megabytes < 10
 
 
+def test_memory_that_was_freed_before_is_not_taken_for_used():
+    if module._reset_mark() is None:
+        pytest.skip("this system keeps no mark that can be reset")
+    for _ in range(2):  # small pieces, which the C library keeps when they are freed
+        with peak_memory() as memory:
+            pieces = [np.ones(50_000, dtype=np.uint8) for _ in range(400)]
+        assert 20 * 0.9 < memory.megabytes < 20 * 1.5
+        del pieces
+
+
 def test_what_a_block_raises_is_raised_and_no_thread_is_left(way):
     threads = threading.active_count()
     with pytest.raises(RuntimeError, match="no legs"), peak_memory() as memory:

@@ -234,7 +234,7 @@ def test_the_table_of_costs_has_seconds_and_memory_of_what_was_run_here(rows_wit
         if name in cost.index:
             assert cost.loc[name, "seconds_segment"] == pytest.approx(rows["seconds_segment"].mean())
             assert cost.loc[name, "largest_seconds"] == rows["seconds_segment"].max()
-            assert cost.loc[name, "peak_memory"] == rows["peak_memory"].max()
+            assert cost.loc[name, "peak_memory"] == rows["peak_memory"].median()
         else:
             assert rows["peak_memory"].isna().all()
 
