@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,7 @@ from studies.experiments.leaderboard.variants import Variants
 from studies.figures import drawing
 from studies.planning.errors import StudyError
 from studies.reporting.results import Results
-from tests.studies.conftest import configured_with, typed_command
+from tests.studies.conftest import ant, configured_with, typed_command
 
 BOARD = "+study=leaderboard"
 SMALL = ("dataset=files", "dataset.glob=ant.off", "engine=serial", "parts.normal_noise.levels=[0.17,0.63]")
@@ -44,10 +45,30 @@ def no_pictures(monkeypatch):
 
 def run_small(methods, *words, results="results"):
     chosen = configured_with(
-        BOARD, *SMALL, f"segmenters=[{methods}]", "perturbations=[normal_noise,scaling]", "relative_to=halves",
+        BOARD, *SMALL, f"segmenters=[{methods}]", "perturbations=[normal_noise]", "relative_to=halves",
         f"results_dir={results}", *words,
     )  # fmt: skip
     return run_study(chosen, Console()).results
+
+
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory):
+    """A board of two methods under one perturbation, run once."""
+    folder = tmp_path_factory.mktemp("usual")
+    (folder / "ant.off").write_text(ant())
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(drawing, "draw", lambda chart: chart)
+        monkeypatch.setattr(drawing, "save", lambda chart, path, *content: path.write_text(str(chart)))
+        monkeypatch.chdir(folder)
+        run_small(f"{HALVES},{THIRDS}")
+    return folder / "results"
+
+
+@pytest.fixture
+def board(here, no_pictures, usual):
+    """The folder of a copy of this board, in the current folder."""
+    shutil.copytree(usual, "results")
+    return Path("results", "leaderboard", "files")
 
 
 @pytest.mark.parametrize("study", ["short_circuits", "tessellation"])
@@ -113,74 +134,66 @@ def test_options_that_make_no_board_are_refused(configured, word, message):
         configured(BOARD, word)
 
 
-def test_a_method_that_is_added_runs_alone_and_has_its_place_among_all(here, no_pictures):
-    first = run_small(HALVES)
-    stored = (first.folder / "trials.jsonl").read_text()
-    both = run_small(THIRDS)
-    assert both.folder == first.folder
-    assert (first.folder / "trials.jsonl").read_text().startswith(stored)
-    assert sorted(both.tables["table"]["segmenter"]) == ["halves", "thirds"]
-    assert both.rows.groupby("segmenter").size().to_dict() == {"halves": 8, "thirds": 8}
-    assert not [path for path in first.folder.iterdir() if path.is_dir()]
-    assert both.tables["table"]["mce"].notna().all()
-    on_disk = pd.read_csv(first.folder / "table.csv")
-    assert on_disk["segmenter"].tolist() == both.tables["table"]["segmenter"].tolist()
-    assert yaml.safe_load((first.folder / "config.yaml").read_text())["segmenters"] == [HALVES, THIRDS]
+def test_a_method_that_is_added_runs_alone_and_has_its_place_among_all(board):
+    stored = (board / "trials.jsonl").read_bytes()
+    results = run_small("one_segment")
+    assert results.folder == board
+    assert not [path for path in board.iterdir() if path.is_dir()]
+    added = (board / "trials.jsonl").read_bytes().removeprefix(stored).splitlines()
+    assert {json.loads(line)["segmenter"] for line in added} == {"OneSegment"}
+    assert results.rows.groupby("segmenter").size().to_dict() == {"halves": 3, "thirds": 3, "OneSegment": 3}
+    table = results.tables["table"]
+    assert table["mce"].notna().all()
+    assert pd.read_csv(board / "table.csv")["segmenter"].tolist() == table["segmenter"].tolist()
+    assert yaml.safe_load((board / "config.yaml").read_text())["segmenters"] == [HALVES, THIRDS, "one_segment"]
     again = run_small(HALVES)
-    pd.testing.assert_frame_equal(again.tables["table"], both.tables["table"])
-    pd.testing.assert_frame_equal(studies.rank(first.folder), both.tables["table"])
-    pd.testing.assert_frame_equal(studies.rank("results"), both.tables["table"])
+    pd.testing.assert_frame_equal(again.tables["table"], table)
+    pd.testing.assert_frame_equal(studies.rank(board), table)
+    pd.testing.assert_frame_equal(studies.rank("results"), table)
 
 
-def test_other_perturbations_and_models_add_to_the_same_folder(here, no_pictures):
-    first = run_small(f"{HALVES},{THIRDS}", "perturbations=[normal_noise]")
-    more = run_small(f"{HALVES},{THIRDS}", "perturbations=[scaling]")
-    assert more.folder == first.folder
-    assert list(more.tables["by_perturbation"].filter(like="_ce").columns) == ["normal_noise_ce", "scaling_ce"]
+def test_other_perturbations_and_models_add_to_the_same_folder(board):
     shutil.copy("ant.off", "bee.off")
-    wider = run_small(f"{HALVES},{THIRDS}", "dataset.glob=*.off")
-    assert wider.folder == first.folder
-    assert set(wider.rows["model"]) == {"ant", "bee"}
-    assert wider.tables["table"]["rank"].notna().all()
+    more = run_small(f"{HALVES},{THIRDS}", "perturbations=[scaling]", "dataset.glob=*.off")
+    assert more.folder == board
+    assert list(more.tables["by_perturbation"].filter(like="_ce").columns) == ["normal_noise_ce", "scaling_ce"]
+    assert more.rows.groupby(["model", "part"]).size().to_dict() == {
+        ("ant", "normal_noise"): 4, ("ant", "original"): 2, ("ant", "scaling"): 10,
+        ("bee", "original"): 2, ("bee", "scaling"): 10,
+    }  # fmt: skip
+    assert more.tables["table"]["rank"].notna().all()
 
 
-def test_rows_of_changed_code_replace_those_of_the_method_and_no_others(here, own_modules, no_pictures):
-    code = (
-        "import numpy as np\nalgorithm_version = 1\ndef mine(vertices, faces):\n    return (vertices[:, {}] > 0) * 1\n"
-    )
+def test_rows_of_changed_code_replace_those_of_the_method_and_no_others(board, own_modules):
+    code = "def mine(vertices, faces):\n    return (vertices[:, {}] > 0).astype(int)\n"
     (own_modules / "own_board_method.py").write_text(code.format(0))
-    before = run_small(f"{HALVES},own_board_method.mine").rows.set_index("trial_id")
+    before = run_small("own_board_method.mine").rows.set_index("trial_id")
     (own_modules / "own_board_method.py").write_text(code.format(1))
     after = run_small("own_board_method.mine").rows.set_index("trial_id")
-    assert after.groupby("segmenter").size().to_dict() == {"halves": 8, "mine": 8}
+    assert after.groupby("segmenter").size().to_dict() == {"halves": 3, "thirds": 3, "mine": 3}
     kept = before.index.intersection(after.index)
-    assert set(before.loc[kept, "segmenter"]) == {"halves"}
+    assert set(before.loc[kept, "segmenter"]) == {"halves", "thirds"}
     assert set(after.loc[after.index.difference(kept), "segmenter"]) == {"mine"}
 
 
-def test_rows_of_other_variants_do_not_count_beside_those_of_new_ones(here, no_pictures):
-    run_small(f"{HALVES},{THIRDS}", "perturbations=[normal_noise]")
-    mesh = (here / "ant.off").read_text().splitlines()
-    (here / "ant.off").write_text("\n".join(mesh[:-1] + mesh[-2:-1]))  # the last face twice instead of its own
-    changed = run_small(HALVES, "perturbations=[normal_noise]")
-    assert set(changed.rows["segmenter"]) == {"halves"}
+def test_rows_of_other_variants_do_not_count_beside_those_of_new_ones(board):
+    lines = Path("ant.off").read_text().splitlines()
+    Path("ant.off").write_text("\n".join([*lines[:-1], lines[-2]]))  # the last but one face twice
+    changed = run_small(HALVES)
+    assert changed.folder == board
+    assert changed.rows.groupby("segmenter").size().to_dict() == {"halves": 3}
 
 
-def test_published_rows_of_other_methods_are_on_the_board_of_a_fresh_clone(here, no_pictures):
-    published = run_small(f"{HALVES},{THIRDS}").folder
+def test_published_rows_of_other_methods_are_on_the_board_of_a_fresh_clone(board):
     for name in ("trials.jsonl", "planned.txt"):
-        (published / name).unlink()
-    (here / "results" / "PUBLISHED.md").write_text("Published.")
-    before = {path: path.read_bytes() for path in published.iterdir() if path.is_file()}
-    chosen = configured_with(
-        BOARD, *SMALL, f"segmenters=[{HALVES},one_segment]", "perturbations=[normal_noise]", "relative_to=halves"
-    )
-    results = run_study(chosen, Console()).results
+        (board / name).unlink()
+    Path("results", "PUBLISHED.md").write_text("Published.")
+    before = {path: path.read_bytes() for path in board.iterdir() if path.is_file()}
+    words = (f"segmenters=[{HALVES},one_segment]", "perturbations=[normal_noise,scaling]", "relative_to=halves")
+    results = run_study(configured_with(BOARD, *SMALL, *words), Console()).results
     assert results.folder.parts[0] == "runs"
-    assert results.rows.groupby("segmenter").size().to_dict() == {"halves": 3, "thirds": 3, "OneSegment": 3}
-    assert set(results.rows["part"]) == {"original", "normal_noise"}  # what this study is about
-    assert {path: path.read_bytes() for path in published.iterdir() if path.is_file()} == before
-    assert results.tables["table"]["segmenter"].iloc[-1] == "OneSegment"
+    assert results.rows.groupby("segmenter").size().to_dict() == {"halves": 8, "thirds": 3, "OneSegment": 8}
+    assert {path: path.read_bytes() for path in board.iterdir() if path.is_file()} == before
     pd.testing.assert_frame_equal(Results.load(results.folder).tables["table"], results.tables["table"])
 
 
