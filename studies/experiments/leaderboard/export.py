@@ -22,7 +22,7 @@ _NAMES = ("method", "segmenter")
 
 
 def latex(table: Table, title: str) -> str:
-    """A table for LaTeX with the package booktabs: words to the left, numbers to the right.
+    r"""A table for LaTeX with the package booktabs: words to the left, numbers to the right.
 
     Parameters
     ----------
@@ -35,9 +35,13 @@ def latex(table: Table, title: str) -> str:
     >>> import pandas as pd
     >>> from studies.columns import Column
     >>> share = Column(name="share", heading="failed %", format=".1f")
-    >>> print(latex(Table("table", pd.DataFrame({"share": [0.5]}), (share,)), "50 % & more").replace("\\\\", "/"))
-    % needs \\usepackage{booktabs}
-    ...
+    >>> text = latex(Table("table", pd.DataFrame({"share": [0.5]}), (share,)), "50 % of all")
+    >>> print(*text.splitlines()[2:7], sep="\n")
+    \caption{50 \% of all}
+    \begin{tabular}{r}
+    \toprule
+    failed \% \\
+    \midrule
     """
     columns = table.visible()
     alignment = "".join("l" if column.dtype == "string" else "r" for column in columns)
