@@ -191,7 +191,10 @@ class Leaderboard(Experiment):
         """The board for LaTeX, and everything about each method as JSON."""
         from studies.experiments.leaderboard import export
 
-        return {"board.tex": export.latex(tables["table"], title), "board.json": export.as_json(tables, rows, title)}
+        return {
+            "board.tex": export.board_for_latex(tables["table"], title),
+            "board.json": export.as_json(tables, rows, title),
+        }
 
     def extent(self, rows: pd.DataFrame) -> str:
         """Models, methods, perturbations, strengths and trials."""

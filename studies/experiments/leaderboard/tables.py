@@ -136,9 +136,9 @@ def remarks(scores: Scores, titles: Mapping[str, str]) -> list[str]:
 
 
 def _by_perturbation(scores: Scores, titles: Mapping[str, str]) -> Table:
-    """Corruption error and Change Percentage of every method under every perturbation."""
-    notes = "Corruption error, and in parentheses the mean Change Percentage in percent; controls come last."
-    return _matrix("by_perturbation", scores, scores.parts, titles, notes)
+    """Corruption error and Change Percentage of every method under every perturbation that counts."""
+    notes = "Corruption error, and in parentheses the mean Change Percentage in percent."
+    return _matrix("by_perturbation", scores, scores.counting, titles, notes)
 
 
 def _controls(scores: Scores, titles: Mapping[str, str]) -> Table:
