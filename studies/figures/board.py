@@ -7,33 +7,28 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from studies.columns import MISSING, is_missing
-from studies.experiments.leaderboard.scores import Options, Scores
 from studies.figures.charts import Axis, Chart, Dots, Matrix, Number, Panel, Points, Scatter, Series
 from studies.statistics.ranks import pareto_front
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from studies.experiments.change import Part
+    from studies.experiments.leaderboard.scores import Scores
 
 PANELS_PER_ROW = 5
 LOWER_LEFT = "better to the lower left"
 
 
-def charts(rows: pd.DataFrame, options: Options, parts: Mapping[str, Part], title: str) -> dict[str, Chart]:
-    """The charts of a leaderboard by file stem; those that the rows have nothing for are left out.
+def charts(scores: Scores, parts: Mapping[str, Part], title: str) -> dict[str, Chart]:
+    """The charts of a leaderboard by file stem; those that there are no values for are left out.
 
     Parameters
     ----------
-    rows : DataFrame
-        trials
-    options : Options
+    scores : Scores
     parts : mapping of str to Part
         the perturbations, with their titles
     title : str
         of all charts
     """
-    scores = Scores(rows, options)
     titles = {
         name: parts[name].title if name in parts else name.replace("_", " ").capitalize() for name in scores.parts
     }

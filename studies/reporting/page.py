@@ -145,8 +145,7 @@ def _sweep_lines(sweep: Sweep, root: Path) -> list[str]:
 
 def _headings(studies: Sequence[Results], root: Path) -> dict[Path, str]:
     """The heading of each study, with the name of its folder where another study has the same."""
-    headings = {study.folder: full_title(f"{study.base_title} ({study.dataset})", "", study.methods, study.subset)
-                for study in studies}  # fmt: skip
+    headings = {study.folder: _heading(study) for study in studies}
     for study in studies:
         heading = headings[study.folder]
         if sum(heading == other for other in headings.values()) > 1 or _own_options(study, root):
@@ -154,6 +153,12 @@ def _headings(studies: Sequence[Results], root: Path) -> dict[Path, str]:
                 f"{heading}; {_own_options(study, root) or study.folder.relative_to(root).as_posix()}"
             )
     return headings
+
+
+def _heading(study: Results) -> str:
+    """The title of a study with its dataset in parentheses."""
+    title = f"{study.base_title} ({study.dataset})"
+    return f"{title}: {study.extent}" if study.extent else full_title(title, "", study.methods, study.subset)
 
 
 def _own_options(study: Results, root: Path) -> str:

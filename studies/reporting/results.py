@@ -135,11 +135,15 @@ class Results:
         return subset(len(self.models), self.n_models_of)
 
     @property
+    def extent(self) -> str:
+        """How large it is, if its title says that instead of naming the methods."""
+        return self.experiment.extent(self.rows) if len(self.rows) else ""
+
+    @property
     def title(self) -> str:
         """The title with dataset, methods, and how much of the dataset it is about."""
-        extent = self.experiment.extent(self.rows) if len(self.rows) else ""
-        if extent:
-            return f"{full_title(self.base_title, self.dataset, [])}: {extent}"
+        if self.extent:
+            return f"{full_title(self.base_title, self.dataset, [])}: {self.extent}"
         return full_title(self.base_title, self.dataset, self.methods, self.subset)
 
     @cached_property

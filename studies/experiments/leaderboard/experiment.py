@@ -6,6 +6,7 @@ import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import trimesh
@@ -16,7 +17,7 @@ from studies.datasets import Dataset, Model
 from studies.experiments.change import Change, ChangeTrial, Part
 from studies.experiments.experiment import Experiment, require_whole_number
 from studies.experiments.leaderboard import tables
-from studies.experiments.leaderboard.scores import Options
+from studies.experiments.leaderboard.scores import Options, Scores
 from studies.experiments.leaderboard.variants import MADE
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest
@@ -165,22 +166,35 @@ class Leaderboard(Experiment):
         """The options that the scores depend on."""
         return Options(ORIGINAL, tuple(self.controls), self.relative_to, tuple(self.parts or ()))
 
+    def scores(self, rows: pd.DataFrame) -> Scores:
+        """The scores of all methods, computed once for tables and charts of the same rows."""
+        if self._latest.get("rows") is not rows:
+            self._latest.update(rows=rows, scores=Scores(rows, self.options))
+        return self._latest["scores"]
+
+    @cached_property
+    def _latest(self) -> dict[str, Any]:
+        """The rows that scores were last computed for, and the scores."""
+        return {}
+
     def tables(self, rows: pd.DataFrame) -> list[Table]:
         """The board, corruption errors by perturbation, the controls, and what the methods are."""
-        titles = {name: part.title for name, part in self.named_parts().items()}
-        return tables.tables(rows, self.options, titles)
+        return tables.tables(self.scores(rows), {name: part.title for name, part in self.named_parts().items()})
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
         """A heat map, accuracy against robustness, ranks, and curves."""
         from studies.figures import board
 
-        return board.charts(rows, self.options, self.named_parts(), title)
+        return board.charts(self.scores(rows), self.named_parts(), title)
 
     def files(self, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, str]:
         """The board for LaTeX, and everything about each method as JSON."""
         from studies.experiments.leaderboard import export
 
-        return {"board.tex": export.latex(tables["table"], title), "board.json": export.as_json(tables, rows, title)}
+        return {
+            "board.tex": export.board_for_latex(tables["table"], title),
+            "board.json": export.as_json(tables, rows, title),
+        }
 
     def extent(self, rows: pd.DataFrame) -> str:
         """Models, methods, perturbations, strengths and trials."""

@@ -18,11 +18,28 @@ _SPECIAL = {
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--",
 }  # fmt: skip
 _YES_OR_NO = ("baseline", "pareto")
+# The columns that fit on a page.
+_IN_LATEX = (
+    "rank",
+    "method",
+    "mce",
+    "mean_cp",
+    "control_cp",
+    "rand_original",
+    "rand_perturbed",
+    "failed_share",
+    "seconds",
+)
 _NAMES = ("method", "segmenter")
 
 
+def board_for_latex(table: Table, title: str) -> str:
+    """The columns of the board that fit on a page, for LaTeX."""
+    return latex(table.replace(columns=[column for column in table.columns if column.name in _IN_LATEX]), title)
+
+
 def latex(table: Table, title: str) -> str:
-    """A table for LaTeX with the package booktabs: words to the left, numbers to the right.
+    r"""A table for LaTeX with the package booktabs: words to the left, numbers to the right.
 
     Parameters
     ----------
@@ -35,9 +52,13 @@ def latex(table: Table, title: str) -> str:
     >>> import pandas as pd
     >>> from studies.columns import Column
     >>> share = Column(name="share", heading="failed %", format=".1f")
-    >>> print(latex(Table("table", pd.DataFrame({"share": [0.5]}), (share,)), "50 % & more").replace("\\\\", "/"))
-    % needs \\usepackage{booktabs}
-    ...
+    >>> text = latex(Table("table", pd.DataFrame({"share": [0.5]}), (share,)), "50 % of all")
+    >>> print(*text.splitlines()[2:7], sep="\n")
+    \caption{50 \% of all}
+    \begin{tabular}{r}
+    \toprule
+    failed \% \\
+    \midrule
     """
     columns = table.visible()
     alignment = "".join("l" if column.dtype == "string" else "r" for column in columns)
@@ -75,8 +96,12 @@ def _line(cells: list[str]) -> str:
 def as_json(tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> str:
     """One entry per method, in the order of the board: who, what, licences, citation, version, and all scores."""
     cards = cards_of(rows)
-    under = {row["segmenter"]: row for row in tables["by_perturbation"].records()}
-    parts = [column.name for column in tables["by_perturbation"].columns if column.name != "method"]
+    matrices = [tables[name] for name in ("by_perturbation", "controls") if name in tables]
+    under: dict[str, dict[str, Any]] = {}
+    for matrix in matrices:
+        for row in matrix.records():
+            under.setdefault(row["segmenter"], {}).update(row)
+    parts = [column.name for matrix in matrices for column in matrix.columns if column.name != "method"]
     document = {
         "title": title,
         "models": sorted(map(str, rows["model"].unique())),
@@ -119,7 +144,7 @@ def _scores(row: Mapping[str, Any]) -> dict[str, Any]:
 def _under(row: Mapping[str, Any], part: str) -> dict[str, Any]:
     """The scores of a method under one perturbation."""
     names = {"ce": "corruption_error", "cp": "change_percentage", "failed": "failed", "missing": "missing"}
-    return {name: _plain(row[f"{part}_{key}"]) for key, name in names.items()}
+    return {name: _plain(row[f"{part}_{key}"]) for key, name in names.items() if f"{part}_{key}" in row}
 
 
 def _plain(value: Any) -> Any:

@@ -71,10 +71,9 @@ class Scores:
     """
 
     def __init__(self, rows: pd.DataFrame, options: Options) -> None:
-        import pandas as pd
-
-        absent = [name for name in (RAND, "seconds_segment", "segmenter_options", "target") if name not in rows]
-        rows = rows.assign(**{name: pd.Series(pd.NA, index=rows.index) for name in absent})
+        for name in (RAND, "seconds_segment"):
+            if name not in rows:
+                rows = rows.assign(**{name: np.nan})
         self.options = options
         self._counted = _of_common_cells(rows)
         self.methods = [str(name) for name in dict.fromkeys(rows["segmenter"])]

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from studies.columns import Column, Table
 from studies.experiments.leaderboard.cards import TOLD_MARK, Card
-from studies.experiments.leaderboard.scores import MEMORY, Options, Scores
+from studies.experiments.leaderboard.scores import MEMORY, Scores
 from studies.reporting.text import count_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 NOTES = (
     "mCE: mean corruption error. Of each perturbation the Change Percentages (CP) are added up over strengths and"
@@ -104,18 +101,15 @@ class _Cell(Column):
         return " ".join([shown, *(f"{count} {what}" for count, what in counts if count)])
 
 
-def tables(rows: pd.DataFrame, options: Options, titles: Mapping[str, str]) -> list[Table]:
+def tables(scores: Scores, titles: Mapping[str, str]) -> list[Table]:
     """The tables of a leaderboard, its board first.
 
     Parameters
     ----------
-    rows : DataFrame
-        trials
-    options : Options
+    scores : Scores
     titles : mapping of str to str
         of the parts
     """
-    scores = Scores(rows, options)
     board = Table("table", scores.board, _BOARD, notes=" ".join([NOTES, *remarks(scores, titles)]), value="mce")
     found = [board, _by_perturbation(scores, titles)]
     if scores.controls:
@@ -142,9 +136,9 @@ def remarks(scores: Scores, titles: Mapping[str, str]) -> list[str]:
 
 
 def _by_perturbation(scores: Scores, titles: Mapping[str, str]) -> Table:
-    """Corruption error and Change Percentage of every method under every perturbation."""
-    notes = "Corruption error, and in parentheses the mean Change Percentage in percent; controls come last."
-    return _matrix("by_perturbation", scores, scores.parts, titles, notes)
+    """Corruption error and Change Percentage of every method under every perturbation that counts."""
+    notes = "Corruption error, and in parentheses the mean Change Percentage in percent."
+    return _matrix("by_perturbation", scores, scores.counting, titles, notes)
 
 
 def _controls(scores: Scores, titles: Mapping[str, str]) -> Table:

@@ -30,9 +30,7 @@ def test_the_front_has_the_points_that_no_other_dominates(seed):
     x[3] = y[7] = np.nan
 
     def dominated(i):
-        return any(
-            x[j] <= x[i] and y[j] <= y[i] and (x[j] < x[i] or y[j] < y[i]) for j in range(25) if j not in (3, 7)
-        )
+        return any(x[j] <= x[i] and y[j] <= y[i] and (x[j] < x[i] or y[j] < y[i]) for j in range(25) if j not in (3, 7))
 
     expected = [i not in (3, 7) and not dominated(i) for i in range(25)]
     assert pareto_front(x, y).tolist() == expected

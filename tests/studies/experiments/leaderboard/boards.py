@@ -46,7 +46,7 @@ def rows_of(values, *, told=(), truth=None, original=0.1):
 
 
 def drawn(methods, parts, n_models, seed=0, n_strengths=5):
-    """Rows of random values: methods that differ by factors, a few failures, and one part that the last method lacks."""
+    """Rows of random values: methods that differ by factors, a few failures, and a part that the last method lacks."""
     rng = np.random.default_rng(seed)
     factors = rng.lognormal(0, 0.7, len(methods))
     values = {

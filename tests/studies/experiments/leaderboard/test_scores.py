@@ -112,7 +112,9 @@ def test_baselines_are_listed_below_and_move_no_rank():
 
 def test_ranks_within_a_kind_ignore_the_other_kind():
     values = {"HeatWalk": 2, "told_best": 0.5, "found": 3, "told_worst": 4}
-    rows = rows_of({name: {"holes": [[value, value]]} for name, value in values.items()}, told=("told_best", "told_worst"))
+    rows = rows_of(
+        {name: {"holes": [[value, value]]} for name, value in values.items()}, told=("told_best", "told_worst")
+    )
     board = board_of(rows)
     assert board["rank"].to_dict() == {"told_best": 1, "HeatWalk": 2, "found": 3, "told_worst": 4}
     assert board["rank_of_kind"].to_dict() == {"told_best": 1, "HeatWalk": 1, "found": 2, "told_worst": 2}
