@@ -27,11 +27,6 @@ def cut_costs(graph: DualGraph, exponent: float) -> NDArray[np.float64]:
     -------
     (p,) float array
 
-    Raises
-    ------
-    ValueError
-        If a coordinate is not finite.
-
     Examples
     --------
     >>> import trimesh
@@ -40,9 +35,6 @@ def cut_costs(graph: DualGraph, exponent: float) -> NDArray[np.float64]:
     >>> np.array_equal(cut_costs(graph, 10), graph.lengths)
     True
     """
-    if not np.isfinite(graph.centres).all():
-        face = int(np.flatnonzero(~np.isfinite(graph.centres).all(axis=1))[0])
-        raise ValueError(f"a vertex of face {face} has a coordinate that is not a finite number; remove the face")
     return graph.lengths * np.minimum(1 + graph.angles / np.pi, 1) ** exponent
 
 
@@ -89,7 +81,12 @@ def number_of_regions(graph: DualGraph, n_segments: int) -> int:
     """
     if n_segments < 1:
         raise ValueError(f"n_segments must be at least 1, got {n_segments}")
+    is_large = large_components(graph)
+    n_large = int(np.count_nonzero(is_large))
+    return len(is_large) - n_large + (max(n_segments, n_large) if n_large else 0)
+
+
+def large_components(graph: DualGraph) -> NDArray[np.bool_]:
+    """Which connected components are no specks, by their number: (c,)."""
     areas = np.bincount(graph.components(), graph.areas)
-    n_specks = int(np.count_nonzero(areas < _SPECK * areas.sum()))
-    n_large = len(areas) - n_specks
-    return n_specks + (max(n_segments, n_large) if n_large else 0)
+    return areas >= max(_SPECK * areas.sum(), np.finfo(float).tiny)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from studies.segmenters._cut_costs import cut_costs, number_of_regions, regularised_areas
 from studies.segmenters._dual_graph import DualGraph
 from studies.segmenters._merging import merge_by_normalised_cut
+from studies.segmenters._unit_size import unit_size
 from studies.segmenters.about import About
 
 
@@ -91,8 +92,8 @@ class NormalizedCuts:
         Raises
         ------
         ValueError
-            If a coordinate is not finite, or `n_segments` is below 1.
+            If there are no faces, a coordinate is not finite, or `n_segments` is below 1.
         """
-        graph = DualGraph.of(vertices, faces)
+        graph = DualGraph.of(unit_size(vertices, faces), faces)
         costs, areas = cut_costs(graph, self.concavity_exponent), regularised_areas(graph, self.regularisation)
         return merge_by_normalised_cut(graph.pairs, costs, areas, number_of_regions(graph, n_segments))
