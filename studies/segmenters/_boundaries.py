@@ -39,7 +39,7 @@ def without_islands(graph: DualGraph, labels: NDArray[np.int64]) -> NDArray[np.i
     if len(kept) == len(labels):
         return labels
     _, _, nearest = dijkstra(_ways(graph), directed=False, indices=kept, min_only=True, return_predecessors=True)
-    return np.where(nearest < 0, labels, labels[nearest])
+    return np.where(nearest < 0, labels, labels[np.maximum(nearest, 0)])
 
 
 def moved_to_cheapest(
@@ -102,8 +102,8 @@ def _move_border(
     both = np.concatenate([ends, ends[:, ::-1]])
     network = sp.coo_array((np.tile(capacity, 2), (both[:, 0], both[:, 1])), (size, size)).tocsr()
     network.data = np.ceil(network.data * (_CAPACITY / capacity.sum()))
-    network = sp.csr_matrix(network.astype(np.int32))  # what SciPy's flow accepts
-    residual = network - maximum_flow(network, 0, 1).flow
+    capacities = sp.csr_matrix(network.astype(np.int32))  # what SciPy's flow accepts
+    residual = capacities - maximum_flow(capacities, 0, 1).flow
     residual.data = np.maximum(residual.data, 0)
     residual.eliminate_zeros()
     is_reached = np.zeros(size, dtype=bool)

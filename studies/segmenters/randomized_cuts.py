@@ -28,6 +28,8 @@ _INCONSISTENCY = 1.2
 # Faces that a component keeps at least when it is decimated, and the share of the area below which a piece of it that
 # decimation has broken off is ignored.
 _FEWEST, _SMALLEST_PIECE = 100, 1e-3
+# How far a border moves when it is carried to the mesh, in units of the mean distance of coarse faces.
+_REACH = 2.0
 _TINY = np.finfo(float).tiny
 
 
@@ -134,10 +136,12 @@ class RandomizedCuts:
             return component
         is_large = large_components(graph)
         coarse = self._decimated(vertices, faces, np.where(is_large[component], component, -1))
-        coarse = coarse.with_largest_pieces(n_regions - int(np.count_nonzero(~is_large)))
-        labels = self._cut(coarse, n_regions - int(np.count_nonzero(~is_large)), rng)
+        n_regions -= int(np.count_nonzero(~is_large))
+        coarse = coarse.with_largest_pieces(n_regions)
+        labels = self._cut(coarse, n_regions, rng)
         labels = without_islands(graph, coarse.carried(labels, graph, component))
-        labels = moved_to_cheapest(graph, self._costs(graph), labels, reach=2 * float(coarse.graph.distances.mean()))
+        spacing = coarse.graph.distances.sum() / max(len(coarse.graph.pairs), 1)
+        labels = moved_to_cheapest(graph, self._costs(graph), labels, reach=_REACH * spacing)
         return np.unique(without_islands(graph, labels), return_inverse=True)[1]
 
     def _costs(self, graph: DualGraph) -> NDArray[np.float64]:
@@ -150,12 +154,13 @@ class RandomizedCuts:
     ) -> _Coarse:
         """The components decimated one by one, except those numbered -1."""
         points, triangles, origin = [], [], []
-        share = self.n_faces / max(np.count_nonzero(component >= 0), 1)
+        n_points, share = 0, self.n_faces / max(int(np.count_nonzero(component >= 0)), 1)
         for number in np.unique(component[component >= 0]):
             part = faces[component == number]
             new_vertices, new_faces = _simplified(vertices, part, max(_FEWEST, round(share * len(part))))
-            triangles.append(new_faces + sum(map(len, points)))
+            triangles.append(new_faces + n_points)
             points.append(new_vertices)
+            n_points += len(new_vertices)
             origin.append(np.full(len(new_faces), number))
         return _Coarse(DualGraph.of(np.concatenate(points), np.concatenate(triangles)), np.concatenate(origin))
 
@@ -187,7 +192,8 @@ class RandomizedCuts:
         inside, edges = np.flatnonzero(is_inside), np.flatnonzero(is_inside[graph.pairs].all(axis=1))
         pairs, costs = np.searchsorted(inside, graph.pairs[edges]), costs[edges]
         lengths, areas = graph.lengths[edges], areas[inside]
-        candidates, consistency = [], np.zeros(len(edges))
+        candidates: list[NDArray[np.bool_]] = []
+        consistency = np.zeros(len(edges))
         for regions in self._random_segmentations(pairs, costs, areas, rng):
             consistency += regions[pairs[:, 0]] != regions[pairs[:, 1]]
             candidates += _bipartitions(pairs, regions)

@@ -11,6 +11,7 @@ from studies.metrics.psb import rand_index_error
 from studies.segmenters import make_segmenter
 from studies.segmenters._cut_costs import cut_costs, number_of_regions
 from studies.segmenters._dual_graph import DualGraph
+from studies.segmenters._unit_size import unit_size
 from studies.segmenters.normalized_cuts import NormalizedCuts
 from studies.testing import check_segmenter, example_meshes
 from tests.helpers.beads import beads
@@ -88,7 +89,7 @@ def test_a_soup_and_fewer_faces_than_segments_are_a_segment_per_face(necklace):
 
 @pytest.mark.parametrize(("label", "mesh"), odd_meshes().items())
 def test_odd_meshes_get_at_least_the_segments_asked_for(label, mesh):
-    graph = DualGraph.of(mesh.vertices, mesh.faces)
+    graph = DualGraph.of(unit_size(mesh.vertices, mesh.faces), mesh.faces)
     labels = METHOD(mesh.vertices, mesh.faces, 4)
     assert labels.shape == (len(mesh.faces),)
     assert len(np.unique(labels)) == number_of_regions(graph, 4), label
@@ -110,7 +111,9 @@ def test_an_option_out_of_range_is_refused_by_name(name, value):
 
 def test_a_mesh_that_cannot_be_segmented_is_refused_in_one_line():
     faces = np.array([[0, 1, 2]])
-    with pytest.raises(ValueError, match=r"^a vertex of face 0 has a coordinate that is not a finite number"):
+    with pytest.raises(ValueError, match=r"^vertex 0 has NaN or infinite coordinates$"):
         METHOD(np.full((3, 3), np.nan), faces, 2)
+    with pytest.raises(ValueError, match=r"^the mesh has no faces$"):
+        METHOD(np.eye(3), faces[:0], 2)
     with pytest.raises(ValueError, match=r"^n_segments must be at least 1, got 0$"):
         METHOD(np.eye(3), faces, 0)
