@@ -101,8 +101,8 @@ def _move_border(
     size = len(free) + 2
     both = np.concatenate([ends, ends[:, ::-1]])
     network = sp.coo_array((np.tile(capacity, 2), (both[:, 0], both[:, 1])), (size, size)).tocsr()
-    network.data = np.ceil(network.data * (_CAPACITY / capacity.sum()))
-    capacities = sp.csr_matrix(network.astype(np.int32))  # what SciPy's flow accepts
+    network.data = np.ceil(network.data * (_CAPACITY / network.data.sum()))
+    capacities = network.astype(np.int32)  # what SciPy's flow accepts
     residual = capacities - maximum_flow(capacities, 0, 1).flow
     residual.data = np.maximum(residual.data, 0)
     residual.eliminate_zeros()

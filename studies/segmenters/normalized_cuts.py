@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from studies.segmenters._cut_costs import cut_costs, number_of_regions, regularised_areas
 from studies.segmenters._dual_graph import DualGraph
 from studies.segmenters._merging import merge_by_normalised_cut
+from studies.segmenters._orientation import outward
 from studies.segmenters._unit_size import unit_size
 from studies.segmenters.about import About
 
@@ -35,7 +36,8 @@ class NormalizedCuts:
     lowers the sum most.
 
     Ours, because the paper assumes a connected mesh: every connected component is at least one segment, and components
-    below a thousandth of the area are not counted as one of the segments asked for.
+    below a thousandth of the area are not counted as one of the segments asked for. Faces are first turned over so that
+    they agree on which side is outside, on which it depends which edges are concave.
 
     Examples
     --------
@@ -94,6 +96,7 @@ class NormalizedCuts:
         ValueError
             If there are no faces, a coordinate is not finite, or `n_segments` is below 1.
         """
-        graph = DualGraph.of(unit_size(vertices, faces), faces)
+        vertices = unit_size(vertices, faces)
+        graph = DualGraph.of(vertices, outward(vertices, faces))
         costs, areas = cut_costs(graph, self.concavity_exponent), regularised_areas(graph, self.regularisation)
         return merge_by_normalised_cut(graph.pairs, costs, areas, number_of_regions(graph, n_segments))

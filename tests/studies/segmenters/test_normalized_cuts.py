@@ -80,6 +80,14 @@ def test_more_components_than_segments_are_segments_each():
     assert np.array_equal(labels, np.repeat(range(5), 80))
 
 
+@pytest.mark.parametrize("share", [0.2, 1.0])
+def test_faces_that_are_turned_over_change_nothing(necklace, share):
+    mesh, truth = necklace
+    is_turned = np.random.default_rng(0).random(len(truth)) < share
+    faces = np.where(is_turned[:, None], mesh.faces[:, ::-1], mesh.faces)
+    assert rand_index_error(METHOD(mesh.vertices, faces, 3), truth) == 0
+
+
 def test_a_soup_and_fewer_faces_than_segments_are_a_segment_per_face(necklace):
     mesh, _ = necklace
     soup = np.arange(mesh.faces.size).reshape(-1, 3)

@@ -73,6 +73,14 @@ def test_specks_and_components_are_segments_of_their_own(necklace):
     assert np.array_equal(COARSE(balls.vertices, balls.faces, 2), np.repeat(range(5), 320))
 
 
+@pytest.mark.parametrize("share", [0.2, 1.0])
+def test_faces_that_are_turned_over_change_nothing(necklace, share):
+    mesh, truth = necklace
+    is_turned = np.random.default_rng(0).random(len(truth)) < share
+    faces = np.where(is_turned[:, None], mesh.faces[:, ::-1], mesh.faces)
+    assert rand_index_error(COARSE(mesh.vertices, faces, 3), truth) == 0
+
+
 def test_a_soup_and_fewer_faces_than_segments_are_a_segment_per_face(necklace):
     mesh, _ = necklace
     soup = np.arange(mesh.faces.size).reshape(-1, 3)
