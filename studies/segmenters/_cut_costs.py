@@ -12,8 +12,8 @@ from studies.segmenters._dual_graph import DualGraph
 _SPECK = 1e-3
 
 
-def cut_costs(graph: DualGraph, exponent: float) -> NDArray[np.float64]:
-    """What it costs to separate each pair of faces: the length of their edge times min((θ / π)^exponent, 1).
+def cut_costs(graph: DualGraph, exponent: float, least: float = 0.0) -> NDArray[np.float64]:
+    """What it costs to separate each pair of faces: the length of their edge times w = min((θ / π)^exponent, 1).
 
     θ is the exterior dihedral angle, above π where the edge is convex (Golovinskiy, Funkhouser 2008).
 
@@ -22,6 +22,8 @@ def cut_costs(graph: DualGraph, exponent: float) -> NDArray[np.float64]:
     graph : DualGraph
     exponent : float
         how much cheaper concave edges are
+    least : float
+        w is raised to (w + least) / (1 + least)
 
     Returns
     -------
@@ -35,7 +37,8 @@ def cut_costs(graph: DualGraph, exponent: float) -> NDArray[np.float64]:
     >>> np.array_equal(cut_costs(graph, 10), graph.lengths)
     True
     """
-    return graph.lengths * np.minimum(1 + graph.angles / np.pi, 1) ** exponent
+    w = np.minimum(1 + graph.angles / np.pi, 1) ** exponent
+    return graph.lengths * (w + least) / (1 + least)
 
 
 def regularised_areas(graph: DualGraph, share: float) -> NDArray[np.float64]:

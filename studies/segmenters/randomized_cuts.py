@@ -68,6 +68,11 @@ class RandomizedCuts:
     cut of a segment; `least_cost`; and what happens to several components and to faces that are turned over, as in
     `NormalizedCuts`.
 
+    Rand Index error, as the mean over the second and third model of each category of the Princeton Segmentation
+    Benchmark's development half (the parameters were chosen on the first): 0.106 over the eleven non-rigid categories
+    (22 models) and 0.121 over all nineteen (38); the Heat Walk's paper prints 0.093 for the authors' program, without
+    naming the models. Single models differ by up to 0.1 with other random numbers.
+
     The random numbers are seeded by the mesh. Time grows with n_cuts · n_faces, and for meshes of more faces in
     proportion to these.
 
@@ -148,8 +153,7 @@ class RandomizedCuts:
 
     def _costs(self, graph: DualGraph) -> NDArray[np.float64]:
         """What it costs to separate each pair of faces."""
-        costs = cut_costs(graph, self.concavity_exponent)
-        return (costs + self.least_cost * graph.lengths) / (1 + self.least_cost)
+        return cut_costs(graph, self.concavity_exponent, self.least_cost)
 
     def _decimated(
         self, vertices: NDArray[np.float64], faces: NDArray[np.int64], component: NDArray[np.int64]

@@ -60,7 +60,9 @@ def test_cutting_along_a_concave_edge_costs_less_and_along_any_other_its_length(
     # Two triangles on either side of the y axis, the second turned down by the angle about it, both seen from above.
     vertices = np.array([[0, 0, 0], [0, 2.0, 0], [-1, 1, 0], [np.cos(angle), 1, -np.sin(angle)]])
     graph = DualGraph.of(vertices, np.array([[0, 1, 2], [1, 0, 3]]))
-    assert cut_costs(graph, 10) == pytest.approx([2 * min((1 + angle / np.pi) ** 10, 1)], rel=1e-9)
+    w = min((1 + angle / np.pi) ** 10, 1)
+    assert cut_costs(graph, 10) == pytest.approx([2 * w], rel=1e-9)
+    assert cut_costs(graph, 10, least=0.5) == pytest.approx([2 * (w + 0.5) / 1.5], rel=1e-9)
 
 
 def test_specks_are_segments_beside_those_asked_for(necklace):
@@ -110,7 +112,7 @@ def test_faces_without_area_change_no_other_label(necklace):
     assert rand_index_error(labels[: len(truth)], truth) == 0
 
 
-@pytest.mark.parametrize("name", ["concavity_exponent", "regularisation"])
+@pytest.mark.parametrize("name", ["concavity_exponent", "least_cost", "regularisation"])
 @pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
 def test_an_option_out_of_range_is_refused_by_name(name, value):
     with pytest.raises(ValueError, match=rf"^segmenter\.{name} is {value}: it must be at least 0 and finite$"):
