@@ -43,7 +43,7 @@ class NormalizedCuts:
 
     Rand Index error, as the mean over the second and third model of each category of the Princeton Segmentation
     Benchmark's development half (`least_cost` was chosen on the first): 0.140 over the eleven non-rigid categories (22
-    models) and 0.152 over all nineteen (38). Greedy merging is unstable: with a `least_cost` of 0 it is 0.161 and 0.170.
+    models) and 0.152 over all nineteen (38); with a `least_cost` of 0 it is 0.161 and 0.170.
 
     Examples
     --------
