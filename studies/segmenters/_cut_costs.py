@@ -12,8 +12,8 @@ from studies.segmenters._dual_graph import DualGraph
 _SPECK = 1e-3
 
 
-def cut_costs(graph: DualGraph, exponent: float) -> NDArray[np.float64]:
-    """What it costs to separate each pair of faces: the length of their edge times min((θ / π)^exponent, 1).
+def cut_costs(graph: DualGraph, exponent: float, least: float = 0.0) -> NDArray[np.float64]:
+    """What it costs to separate each pair of faces: the length of their edge times w = min((θ / π)^exponent, 1).
 
     θ is the exterior dihedral angle, above π where the edge is convex (Golovinskiy, Funkhouser 2008).
 
@@ -22,15 +22,12 @@ def cut_costs(graph: DualGraph, exponent: float) -> NDArray[np.float64]:
     graph : DualGraph
     exponent : float
         how much cheaper concave edges are
+    least : float
+        w is raised to (w + least) / (1 + least)
 
     Returns
     -------
     (p,) float array
-
-    Raises
-    ------
-    ValueError
-        If a coordinate is not finite.
 
     Examples
     --------
@@ -40,10 +37,8 @@ def cut_costs(graph: DualGraph, exponent: float) -> NDArray[np.float64]:
     >>> np.array_equal(cut_costs(graph, 10), graph.lengths)
     True
     """
-    if not np.isfinite(graph.centres).all():
-        face = int(np.flatnonzero(~np.isfinite(graph.centres).all(axis=1))[0])
-        raise ValueError(f"a vertex of face {face} has a coordinate that is not a finite number; remove the face")
-    return graph.lengths * np.minimum(1 + graph.angles / np.pi, 1) ** exponent
+    w = np.minimum(1 + graph.angles / np.pi, 1) ** exponent
+    return graph.lengths * (w + least) / (1 + least)
 
 
 def regularised_areas(graph: DualGraph, share: float) -> NDArray[np.float64]:
@@ -89,7 +84,12 @@ def number_of_regions(graph: DualGraph, n_segments: int) -> int:
     """
     if n_segments < 1:
         raise ValueError(f"n_segments must be at least 1, got {n_segments}")
+    is_large = large_components(graph)
+    n_large = int(np.count_nonzero(is_large))
+    return len(is_large) - n_large + (max(n_segments, n_large) if n_large else 0)
+
+
+def large_components(graph: DualGraph) -> NDArray[np.bool_]:
+    """Which connected components are no specks, by their number: (c,)."""
     areas = np.bincount(graph.components(), graph.areas)
-    n_specks = int(np.count_nonzero(areas < _SPECK * areas.sum()))
-    n_large = len(areas) - n_specks
-    return n_specks + (max(n_segments, n_large) if n_large else 0)
+    return areas >= max(_SPECK * areas.sum(), np.finfo(float).tiny)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from studies.segmenters._cut_costs import cut_costs, number_of_regions, regularised_areas
 from studies.segmenters._dual_graph import DualGraph
 from studies.segmenters._merging import merge_by_normalised_cut
+from studies.segmenters._orientation import outward
+from studies.segmenters._unit_size import unit_size
 from studies.segmenters.about import About
 
 
@@ -21,8 +23,10 @@ class NormalizedCuts:
     Parameters
     ----------
     concavity_exponent : float
-        an edge with the exterior dihedral angle θ costs its length times min((θ / π)^concavity_exponent, 1), so that
-        concave edges are cheap to cut; 0: all edges cost their length
+        an edge with the exterior dihedral angle θ costs its length times w = min((θ / π)^concavity_exponent, 1), so
+        that concave edges are cheap to cut; 0: all edges cost their length
+    least_cost : float
+        w is raised to (w + least_cost) / (1 + least_cost), so that sharp creases are not free. Ours.
     regularisation : float
         share of the mean area of a face that is added to the area of each, so that faces with hardly any area are not
         merged before all others. Ours.
@@ -34,7 +38,12 @@ class NormalizedCuts:
     lowers the sum most.
 
     Ours, because the paper assumes a connected mesh: every connected component is at least one segment, and components
-    below a thousandth of the area are not counted as one of the segments asked for.
+    below a thousandth of the area are not counted as one of the segments asked for. Faces are first turned over so that
+    they agree on which side is outside, on which it depends which edges are concave.
+
+    Rand Index error, as the mean over the second and third model of each category of the Princeton Segmentation
+    Benchmark's development half (`least_cost` was chosen on the first): 0.140 over the eleven non-rigid categories (22
+    models) and 0.152 over all nineteen (38); with a `least_cost` of 0 it is 0.161 and 0.170.
 
     Examples
     --------
@@ -46,6 +55,7 @@ class NormalizedCuts:
     """
 
     concavity_exponent: float = 10.0
+    least_cost: float = 0.2
     regularisation: float = 0.1
 
     algorithm_version: ClassVar[int] = 1
@@ -67,7 +77,7 @@ class NormalizedCuts:
     )
 
     def __post_init__(self) -> None:
-        for name in ("concavity_exponent", "regularisation"):
+        for name in ("concavity_exponent", "least_cost", "regularisation"):
             value = getattr(self, name)
             if not 0 <= value < np.inf:
                 raise ValueError(f"segmenter.{name} is {value!r}: it must be at least 0 and finite")
@@ -91,8 +101,10 @@ class NormalizedCuts:
         Raises
         ------
         ValueError
-            If a coordinate is not finite, or `n_segments` is below 1.
+            If there are no faces, a coordinate is not finite, or `n_segments` is below 1.
         """
-        graph = DualGraph.of(vertices, faces)
-        costs, areas = cut_costs(graph, self.concavity_exponent), regularised_areas(graph, self.regularisation)
+        vertices = unit_size(vertices, faces)
+        graph = DualGraph.of(vertices, outward(vertices, faces))
+        costs = cut_costs(graph, self.concavity_exponent, self.least_cost)
+        areas = regularised_areas(graph, self.regularisation)
         return merge_by_normalised_cut(graph.pairs, costs, areas, number_of_regions(graph, n_segments))

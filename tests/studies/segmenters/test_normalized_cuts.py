@@ -11,6 +11,7 @@ from studies.metrics.psb import rand_index_error
 from studies.segmenters import make_segmenter
 from studies.segmenters._cut_costs import cut_costs, number_of_regions
 from studies.segmenters._dual_graph import DualGraph
+from studies.segmenters._unit_size import unit_size
 from studies.segmenters.normalized_cuts import NormalizedCuts
 from studies.testing import check_segmenter, example_meshes
 from tests.helpers.beads import beads
@@ -59,7 +60,9 @@ def test_cutting_along_a_concave_edge_costs_less_and_along_any_other_its_length(
     # Two triangles on either side of the y axis, the second turned down by the angle about it, both seen from above.
     vertices = np.array([[0, 0, 0], [0, 2.0, 0], [-1, 1, 0], [np.cos(angle), 1, -np.sin(angle)]])
     graph = DualGraph.of(vertices, np.array([[0, 1, 2], [1, 0, 3]]))
-    assert cut_costs(graph, 10) == pytest.approx([2 * min((1 + angle / np.pi) ** 10, 1)], rel=1e-9)
+    w = min((1 + angle / np.pi) ** 10, 1)
+    assert cut_costs(graph, 10) == pytest.approx([2 * w], rel=1e-9)
+    assert cut_costs(graph, 10, least=0.5) == pytest.approx([2 * (w + 0.5) / 1.5], rel=1e-9)
 
 
 def test_specks_are_segments_beside_those_asked_for(necklace):
@@ -79,6 +82,14 @@ def test_more_components_than_segments_are_segments_each():
     assert np.array_equal(labels, np.repeat(range(5), 80))
 
 
+@pytest.mark.parametrize("share", [0.2, 1.0])
+def test_faces_that_are_turned_over_change_nothing(necklace, share):
+    mesh, truth = necklace
+    is_turned = np.random.default_rng(0).random(len(truth)) < share
+    faces = np.where(is_turned[:, None], mesh.faces[:, ::-1], mesh.faces)
+    assert rand_index_error(METHOD(mesh.vertices, faces, 3), truth) == 0
+
+
 def test_a_soup_and_fewer_faces_than_segments_are_a_segment_per_face(necklace):
     mesh, _ = necklace
     soup = np.arange(mesh.faces.size).reshape(-1, 3)
@@ -88,7 +99,7 @@ def test_a_soup_and_fewer_faces_than_segments_are_a_segment_per_face(necklace):
 
 @pytest.mark.parametrize(("label", "mesh"), odd_meshes().items())
 def test_odd_meshes_get_at_least_the_segments_asked_for(label, mesh):
-    graph = DualGraph.of(mesh.vertices, mesh.faces)
+    graph = DualGraph.of(unit_size(mesh.vertices, mesh.faces), mesh.faces)
     labels = METHOD(mesh.vertices, mesh.faces, 4)
     assert labels.shape == (len(mesh.faces),)
     assert len(np.unique(labels)) == number_of_regions(graph, 4), label
@@ -101,7 +112,7 @@ def test_faces_without_area_change_no_other_label(necklace):
     assert rand_index_error(labels[: len(truth)], truth) == 0
 
 
-@pytest.mark.parametrize("name", ["concavity_exponent", "regularisation"])
+@pytest.mark.parametrize("name", ["concavity_exponent", "least_cost", "regularisation"])
 @pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
 def test_an_option_out_of_range_is_refused_by_name(name, value):
     with pytest.raises(ValueError, match=rf"^segmenter\.{name} is {value}: it must be at least 0 and finite$"):
@@ -110,7 +121,9 @@ def test_an_option_out_of_range_is_refused_by_name(name, value):
 
 def test_a_mesh_that_cannot_be_segmented_is_refused_in_one_line():
     faces = np.array([[0, 1, 2]])
-    with pytest.raises(ValueError, match=r"^a vertex of face 0 has a coordinate that is not a finite number"):
+    with pytest.raises(ValueError, match=r"^vertex 0 has NaN or infinite coordinates$"):
         METHOD(np.full((3, 3), np.nan), faces, 2)
+    with pytest.raises(ValueError, match=r"^the mesh has no faces$"):
+        METHOD(np.eye(3), faces[:0], 2)
     with pytest.raises(ValueError, match=r"^n_segments must be at least 1, got 0$"):
         METHOD(np.eye(3), faces, 0)
