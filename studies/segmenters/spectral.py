@@ -71,7 +71,7 @@ class Spectral:
     3
     """
 
-    delta: float = 0.03
+    delta: float = 0.5
     eta: float = 0.15
     sharpness: float = 1.0
 

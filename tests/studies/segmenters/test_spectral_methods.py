@@ -12,7 +12,14 @@ from studies.segmenters import make_segmenter
 from studies.testing import check_segmenter, example_meshes
 from tests.helpers.parts import agreement, chain, star
 
-NAMES = ["hks_persistence", "spectral", "gps_kmeans"]
+NAMES = [
+    "hks_persistence",
+    "spectral",
+    "gps_kmeans",
+    "nodal_domains",
+    "eigenfunction_persistence",
+    "diffusion_distance",
+]
 CONF = Path(__file__).parents[3] / "conf" / "segmenter"
 
 # Meshes that differ in kind; the perturbations are tried on all of them.
@@ -145,6 +152,11 @@ def test_a_mesh_that_is_no_surface_is_refused_in_one_line(method, problem):
         ("spectral.Spectral", {"eta": 0}, "segmenter.eta is 0"),
         ("spectral.Spectral", {"sharpness": -1}, "segmenter.sharpness is -1"),
         ("gps_kmeans.GPSKMeans", {"n_coordinates": 0}, "segmenter.n_coordinates is 0"),
+        ("nodal_domains.NodalDomains", {"least_share": 1}, "segmenter.least_share is 1"),
+        ("nodal_domains.NodalDomains", {"max_eigenfunctions": 0}, "segmenter.max_eigenfunctions is 0"),
+        ("eigenfunction_persistence.EigenfunctionPersistence", {"n_eigenfunctions": 0}, "n_eigenfunctions is 0"),
+        ("eigenfunction_persistence.EigenfunctionPersistence", {"least_persistence": 2}, "least_persistence is 2"),
+        ("diffusion_distance.DiffusionDistance", {"time": 0}, "segmenter.time is 0"),
     ],
 )
 def test_an_impossible_option_is_refused(name, options, message):
