@@ -150,7 +150,7 @@ def _lloyd(
 def _split(
     points: NDArray[np.float64], weights: NDArray[np.float64], members: NDArray[np.int64]
 ) -> tuple[float, list[NDArray[np.int64]]]:
-    """By how much bisecting a cluster lowers its sum of squares, and its two parts; 0 if all its points are the same."""
+    """By how much bisecting a cluster lowers its sum of squares, 0 if its points are all the same; and its parts."""
     points, weights = points[members], weights[members]
     points = points - np.average(points, axis=0, weights=weights)
     squares = (points * weights[:, None]).T @ points

@@ -42,8 +42,9 @@ class DiffusionDistance:
     -----
     From the source are the distance and the hierarchy. Ours: the bisection, 2-means of the vertices weighted by area,
     always of the segment that lowers the sum of squared distances most, started from its halves along the direction of
-    most variation; and where it ends, at the number of segments that the method is told. Connected components are segmented on their own and share that number by area. Vertices
-    without a face have the label -1. A few seconds for 20,000 vertices.
+    most variation; and where it ends, at the number of segments that the method is told. Connected components are
+    segmented on their own and share that number by area. Vertices without a face have the label -1. A few seconds for
+    20,000 vertices.
 
     References
     ----------

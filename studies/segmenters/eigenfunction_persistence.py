@@ -70,7 +70,7 @@ class EigenfunctionPersistence:
     """
 
     n_eigenfunctions: int = 3
-    least_persistence: float = 0.1
+    least_persistence: float = 0.05
 
     algorithm_version: ClassVar[int] = 1
     labels_of: ClassVar[str] = "vertices"

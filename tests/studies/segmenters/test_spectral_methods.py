@@ -20,6 +20,8 @@ NAMES = [
     "eigenfunction_persistence",
     "diffusion_distance",
 ]
+# Those that find parts; the others find the level sets of an eigenfunction, and have tests of their own.
+OF_PARTS = ["hks_persistence", "spectral", "gps_kmeans", "diffusion_distance"]
 CONF = Path(__file__).parents[3] / "conf" / "segmenter"
 
 # Meshes that differ in kind; the perturbations are tried on all of them.
@@ -70,6 +72,7 @@ def is_same_partition(a, b):
     return pairs == len(np.unique(a)) == len(np.unique(b))
 
 
+@pytest.mark.parametrize("method", OF_PARTS, indirect=True)
 def test_the_arms_of_a_star_are_segments(method):
     vertices, faces, arm = star()
     labels = at_vertices(method, labels_of(method, vertices, faces, 5), faces, len(vertices))
@@ -77,6 +80,7 @@ def test_the_arms_of_a_star_are_segments(method):
     assert len(np.unique(labels)) in (4, 5)
 
 
+@pytest.mark.parametrize("method", OF_PARTS, indirect=True)
 def test_balls_joined_by_necks_are_segments(method):
     vertices, faces, ball = chain()
     labels = at_vertices(method, labels_of(method, vertices, faces, 3), faces, len(vertices))
