@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 # Passes after which an iteration that has not converged ends; nearly all converge in fewer than 50.
@@ -108,12 +109,6 @@ def bisect(
     return labels
 
 
-def squared_distances(points: NDArray[np.float64], centres: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Squared distances of points (n, d) from centres (k, d): (n, k), not negative."""
-    squares = (points**2).sum(axis=1)[:, None] + (centres**2).sum(axis=1) - 2 * points @ centres.T
-    return np.maximum(squares, 0.0)
-
-
 def _seeds(
     points: NDArray[np.float64], weights: NDArray[np.float64], n_clusters: int, rng: np.random.Generator
 ) -> NDArray[np.float64]:
@@ -132,19 +127,22 @@ def _lloyd(
     points: NDArray[np.float64], weights: NDArray[np.float64], centres: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], float]:
     """Clusters around the nearest centre, and their weighted sum of squared distances, once no point changes."""
-    labels = np.full(len(points), -1)
-    everyone = np.arange(len(points))
+    n = len(points)
+    own_squares = (points**2).sum(axis=1)
+    labels = np.full(n, -1)
     for _ in range(_MAX_PASSES):
-        squares = squared_distances(points, centres)
+        # Squared distances without the part that all centres share.
+        squares = points @ (-2 * centres.T)
+        squares += (centres**2).sum(axis=1)
         nearest = squares.argmin(axis=1)
         if (nearest == labels).all():
             break
         labels = nearest
-        total = np.bincount(labels, weights, len(centres))
-        sums = np.column_stack([np.bincount(labels, weights * column, len(centres)) for column in points.T])
+        members = sp.csc_array((weights, labels, np.arange(n + 1)), (len(centres), n))
+        total = np.bincount(labels, weights, len(centres))[:, None]
         # A centre that has lost all its points stays where it is.
-        centres = np.where(total[:, None] > 0, sums / np.where(total > 0, total, 1)[:, None], centres)
-    return labels, float(weights @ squares[everyone, nearest])
+        centres = np.where(total > 0, members @ points / np.where(total > 0, total, 1), centres)
+    return labels, float(weights @ np.maximum(own_squares + squares[np.arange(n), nearest], 0.0))
 
 
 def _split(

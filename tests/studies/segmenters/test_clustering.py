@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from studies.segmenters._clustering import bisect, k_means, squared_distances
+from studies.segmenters._clustering import bisect, k_means
 
 
 def cost(points, labels, weights):
@@ -48,12 +48,6 @@ def test_there_are_no_more_clusters_than_different_points(n_different):
 def test_points_that_all_have_no_weight_count_alike():
     labels = k_means(np.array([[0.0], [0.1], [9.0]]), 2, np.random.default_rng(0), weights=np.zeros(3))
     assert labels[0] == labels[1] != labels[2]
-
-
-def test_squared_distances_are_those_of_every_pair():
-    rng = np.random.default_rng(0)
-    points, centres = rng.normal(size=(5, 3)), rng.normal(size=(2, 3))
-    assert np.allclose(squared_distances(points, centres), [[((p - c) ** 2).sum() for c in centres] for p in points])
 
 
 def test_bisection_finds_groups_that_are_far_apart():
