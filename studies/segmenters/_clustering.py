@@ -89,8 +89,9 @@ def bisect(
 
     Examples
     --------
-    >>> bisect(np.array([[0.0], [0.1], [5.0], [5.1], [5.9]]), 3).tolist() in ([0, 0, 1, 1, 2], [2, 2, 0, 0, 1])
-    True
+    >>> first, second, third = bisect(np.array([[0.0], [0.1], [5.0]]), 2)
+    >>> first == second, second == third
+    (np.True_, np.False_)
     """
     points = np.asarray(points, np.float64)
     weights = np.ones(len(points)) if weights is None else weights

@@ -53,8 +53,12 @@ class EigenfunctionPersistence:
     The source cuts by one eigenfunction, usually the first, and refines its segments by choosing lower thresholds;
     ``n_eigenfunctions=1`` is that. Ours: the threshold, the combination of several eigenfunctions, since a first one
     that runs from end to end has no saddle to cut at, and linear elements where the source has cubic ones. Each
-    connected component has its own segments. Vertices without a face have the label -1. A second or two for 20,000
+    connected component has its own segments. Vertices without a face have the label -1. Half a second for 20,000
     vertices.
+
+    Rand Index error on the Princeton benchmark, second and third model of each category, parameters chosen on the
+    first: .178 over the eleven non-rigid categories (22 models), .243 over all (38). The first eigenfunction alone has
+    .48 and .49 on the models on which the parameters were chosen. The benchmark does not have the method.
 
     References
     ----------
@@ -64,8 +68,8 @@ class EigenfunctionPersistence:
     Examples
     --------
     >>> import trimesh
-    >>> capsule = trimesh.creation.capsule(height=6, radius=1, count=[16, 16])
-    >>> len(np.unique(EigenfunctionPersistence(n_eigenfunctions=2)(capsule.vertices, capsule.faces)))
+    >>> ellipsoid = trimesh.creation.icosphere(2).apply_scale([4, 1, 1])
+    >>> len(np.unique(EigenfunctionPersistence(n_eigenfunctions=2)(ellipsoid.vertices, ellipsoid.faces)))
     3
     """
 
@@ -110,6 +114,8 @@ class EigenfunctionPersistence:
         ------
         heatwalk.MeshError
             If the mesh has no area, or a coordinate is NaN or infinite.
+        heatwalk.spectrum.SpectrumError
+            If its triangles are so unequal that the eigensolver does not reach its required residual.
         """
         from studies.segmenters._spectrum import Surface
 

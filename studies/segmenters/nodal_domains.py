@@ -58,9 +58,9 @@ class NodalDomains:
     Examples
     --------
     >>> import trimesh
-    >>> capsule = trimesh.creation.capsule(height=6, radius=1, count=[16, 16])
-    >>> np.bincount(NodalDomains()(capsule.vertices, capsule.faces, n_segments=2))
-    array([128, 128])
+    >>> ellipsoid = trimesh.creation.icosphere(2).apply_scale([4, 1, 1])
+    >>> len(np.unique(NodalDomains()(ellipsoid.vertices, ellipsoid.faces, n_segments=3)))
+    3
     """
 
     least_share: float = 0.005
@@ -104,6 +104,8 @@ class NodalDomains:
         ------
         heatwalk.MeshError
             If the mesh has no area, or a coordinate is NaN or infinite.
+        heatwalk.spectrum.SpectrumError
+            If its triangles are so unequal that the eigensolver does not reach its required residual.
         """
         from studies.segmenters._persistence import edge_graph
         from studies.segmenters._spectrum import Surface, first_eigenpairs, segment_surface
