@@ -48,8 +48,8 @@ class HKSPersistence:
     vertices, nearly all of it for the spectrum.
 
     Rand Index error on the Princeton benchmark, second and third model of each category, parameters chosen on the
-    first: .149 over the eleven non-rigid categories (22 models), .245 over all (38). The source compares itself with
-    the benchmark's methods in charts, without a number to compare with.
+    first: .149 over the eleven non-rigid categories (22 models), .245 over all (38). No published value is
+    compared with.
 
     References
     ----------
