@@ -40,7 +40,7 @@ ODD = [
 
 @pytest.fixture(scope="module", params=NAMES)
 def method(request):
-    options = yaml.safe_load((CONF / f"{request.param}.yaml").read_text())
+    options = yaml.safe_load((CONF / f"{request.param}.yaml").read_text(encoding="utf-8"))
     return make_segmenter(options).method
 
 
@@ -103,7 +103,7 @@ def test_it_keeps_to_the_contract(method):
 
 def test_every_option_is_in_its_file_with_its_default():
     for name in NAMES:
-        options = yaml.safe_load((CONF / f"{name}.yaml").read_text())
+        options = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
         method = make_segmenter(options).method
         defaults = {field.name: field.default for field in fields(method)}
         assert {key: value for key, value in options.items() if key != "_target_"} == defaults
