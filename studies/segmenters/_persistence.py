@@ -96,6 +96,7 @@ def branches(values: NDArray[np.float64], graph: sp.csr_array, least: float) -> 
 
 @compiled
 def _root(parent: NDArray[np.int64], i: int) -> int:
+    """The root of a vertex in a forest, in which the way to it becomes shorter."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -110,6 +111,7 @@ def _mountains(
     neighbours: NDArray[np.int64],
     least: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """`mountains`, with the vertices in descending order and the graph as compressed rows."""
     n = len(values)
     rank = np.empty(n, np.int64)
     rank[order] = np.arange(n)
@@ -150,6 +152,7 @@ def _branches(
     neighbours: NDArray[np.int64],
     least: float,
 ) -> NDArray[np.int64]:
+    """`branches`, with the vertices in descending order and the graph as compressed rows."""
     n = len(values)
     rank = np.empty(n, np.int64)
     rank[order] = np.arange(n)
@@ -167,17 +170,21 @@ def _branches(
         if highest < 0:
             continue
         for u in neighbours[starts[v] : starts[v + 1]]:
+            if rank[u] < rank[v]:
+                root = _root(above, u)
+                if root != highest and values[root] - values[v] >= least:
+                    has_ended[highest] = True
+        for u in neighbours[starts[v] : starts[v + 1]]:
             if rank[u] > rank[v]:
                 continue
             root = _root(above, u)
             if root == highest:
                 continue
-            if values[root] - values[v] >= least:
-                has_ended[highest] = True
-            elif has_ended[highest]:
-                body[_root(branch, root)] = True
-            else:
-                branch[_root(branch, root)] = _root(branch, highest)
+            if values[root] - values[v] < least:
+                if has_ended[highest]:
+                    body[_root(branch, root)] = True
+                else:
+                    branch[_root(branch, root)] = _root(branch, highest)
             above[root] = highest
         above[v] = highest
         if has_ended[highest]:
@@ -185,9 +192,9 @@ def _branches(
         else:
             branch[v] = _root(branch, highest)
     for v in range(n):
-        # A component without a pass has no branch.
         branch[v] = _root(branch, v)
     result = np.empty(n, np.int64)
     for v in range(n):
+        # Without a pass at which a branch could end, the highest peak of a component has not ended.
         result[v] = branch[v] if not body[branch[v]] and has_ended[_root(above, v)] else -1
     return result

@@ -91,9 +91,8 @@ class Surface:
 
     def masses(self) -> NDArray[np.float64]:
         """The area of each vertex, a third of that of its faces: (p,)."""
-        return np.bincount(
-            self.faces.ravel(), np.repeat(face_areas(self.vertices, self.faces) / 3, 3), len(self.vertices)
-        )
+        thirds = np.repeat(face_areas(self.vertices, self.faces) / 3, 3)
+        return np.asarray(np.bincount(self.faces.ravel(), thirds, len(self.vertices)), np.float64)
 
     def solver(self) -> SpectrumSolver:
         """The eigensolver of the surface, in its present size."""
@@ -127,7 +126,7 @@ def first_eigenpairs(surface: Surface, count: int) -> Spectrum:
     array([[0., 2., 2., 2.]])
     """
     count = min(count, len(surface.vertices) - 1)
-    solver = dataclasses.replace(surface, vertices=unit_area(surface.vertices, surface.faces)).solver()
+    solver = _scaled(surface).solver()
     limit = 4 * np.pi * (count + 1)  # as many as there are on an average surface of area 1, by Weyl's law
     while (spectrum := solver.up_to(limit)).eigenvalues.shape[1] <= count:
         limit *= 2
@@ -140,6 +139,16 @@ def first_eigenpairs(surface: Surface, count: int) -> Spectrum:
         float(spectrum.eigenvalues[0, count]),
         spectrum.residual,
     )
+
+
+def eigenpairs_up_to(surface: Surface, limit: float) -> Spectrum:
+    """The eigenpairs up to an eigenvalue of a surface of one component, which is scaled to area 1."""
+    return _scaled(surface).solver().up_to(limit)
+
+
+def _scaled(surface: Surface) -> Surface:
+    """The surface scaled to area 1."""
+    return dataclasses.replace(surface, vertices=unit_area(surface.vertices, surface.faces))
 
 
 def segment_surface(

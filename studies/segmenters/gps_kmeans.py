@@ -33,7 +33,11 @@ class GPSKMeans:
     -----
     Ours: the number of coordinates, the weights of the vertices in k-means, their areas, and its start by k-means++, of
     which the best of ten is the result. Connected components are segmented on their own and share the number of
-    segments by area. Vertices without a face have the label -1. A second or two for 20,000 vertices.
+    segments by area. Vertices without a face have the label -1. Two seconds for 20,000 vertices.
+
+    Rand Index error on the Princeton benchmark, second and third model of each category, parameters chosen on the
+    first: .165 over the eleven non-rigid categories (22 models), .251 over all (38). The benchmark is younger than the
+    source and does not have it.
 
     References
     ----------
@@ -83,6 +87,8 @@ class GPSKMeans:
         ------
         heatwalk.MeshError
             If the mesh has no area, or a coordinate is NaN or infinite.
+        heatwalk.spectrum.SpectrumError
+            If its triangles are so unequal that the eigensolver does not reach its required residual.
         """
         from studies.segmenters._clustering import k_means
         from studies.segmenters._random import random_generator

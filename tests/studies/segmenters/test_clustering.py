@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from studies.segmenters._clustering import k_means, squared_distances
+from studies.segmenters._clustering import bisect, k_means
 
 
 def cost(points, labels, weights):
@@ -18,8 +18,8 @@ def cost(points, labels, weights):
 
 def test_the_result_is_the_best_of_all_partitions_of_a_few_points():
     rng = np.random.default_rng(0)
-    points, weights = rng.normal(size=(8, 2)), rng.uniform(0.1, 3, 8)
-    best = min(cost(points, np.array(labels), weights) for labels in product(range(3), repeat=8))
+    points, weights = rng.normal(size=(7, 2)), rng.uniform(0.1, 3, 7)
+    best = min(cost(points, np.array(labels), weights) for labels in product(range(3), repeat=7))
     found = k_means(points, 3, rng, weights=weights, n_starts=50)
     assert cost(points, found, weights) == pytest.approx(best)
 
@@ -50,7 +50,25 @@ def test_points_that_all_have_no_weight_count_alike():
     assert labels[0] == labels[1] != labels[2]
 
 
-def test_squared_distances_are_those_of_every_pair():
+def test_bisection_finds_groups_that_are_far_apart():
     rng = np.random.default_rng(0)
-    points, centres = rng.normal(size=(5, 3)), rng.normal(size=(2, 3))
-    assert np.allclose(squared_distances(points, centres), [[((p - c) ** 2).sum() for c in centres] for p in points])
+    groups = np.arange(60) % 4
+    points = 20 * rng.normal(size=(4, 3))[groups] + rng.normal(size=(60, 3))
+    labels = bisect(points, 4)
+    assert len(np.unique(np.column_stack([groups, labels]), axis=0)) == 4
+
+
+def test_each_bisection_splits_one_cluster_and_lowers_the_sum_of_squares():
+    rng = np.random.default_rng(1)
+    points, weights = rng.normal(size=(50, 2)), rng.uniform(0.1, 2, 50)
+    before = np.zeros(50, int)
+    for number in range(2, 8):
+        labels = bisect(points, number, weights)
+        assert len(np.unique(labels)) == number
+        assert len(np.unique(np.column_stack([labels, before]), axis=0)) == number  # a refinement
+        assert cost(points, labels, weights) < cost(points, before, weights)
+        before = labels
+
+
+def test_bisection_ends_when_all_points_of_a_cluster_are_the_same():
+    assert len(np.unique(bisect(np.repeat(np.arange(3.0), 5)[:, None], 9))) == 3

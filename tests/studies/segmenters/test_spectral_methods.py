@@ -12,7 +12,16 @@ from studies.segmenters import make_segmenter
 from studies.testing import check_segmenter, example_meshes
 from tests.helpers.parts import agreement, chain, star
 
-NAMES = ["hks_persistence", "spectral", "gps_kmeans"]
+NAMES = [
+    "hks_persistence",
+    "spectral",
+    "gps_kmeans",
+    "nodal_domains",
+    "eigenfunction_persistence",
+    "diffusion_distance",
+]
+# Those that find parts; the others find the level sets of an eigenfunction, and have tests of their own.
+OF_PARTS = ["hks_persistence", "spectral", "gps_kmeans", "diffusion_distance"]
 CONF = Path(__file__).parents[3] / "conf" / "segmenter"
 
 # Meshes that differ in kind; the perturbations are tried on all of them.
@@ -31,7 +40,7 @@ ODD = [
 
 @pytest.fixture(scope="module", params=NAMES)
 def method(request):
-    options = yaml.safe_load((CONF / f"{request.param}.yaml").read_text())
+    options = yaml.safe_load((CONF / f"{request.param}.yaml").read_text(encoding="utf-8"))
     return make_segmenter(options).method
 
 
@@ -63,6 +72,7 @@ def is_same_partition(a, b):
     return pairs == len(np.unique(a)) == len(np.unique(b))
 
 
+@pytest.mark.parametrize("method", OF_PARTS, indirect=True)
 def test_the_arms_of_a_star_are_segments(method):
     vertices, faces, arm = star()
     labels = at_vertices(method, labels_of(method, vertices, faces, 5), faces, len(vertices))
@@ -70,6 +80,7 @@ def test_the_arms_of_a_star_are_segments(method):
     assert len(np.unique(labels)) in (4, 5)
 
 
+@pytest.mark.parametrize("method", OF_PARTS, indirect=True)
 def test_balls_joined_by_necks_are_segments(method):
     vertices, faces, ball = chain()
     labels = at_vertices(method, labels_of(method, vertices, faces, 3), faces, len(vertices))
@@ -92,7 +103,7 @@ def test_it_keeps_to_the_contract(method):
 
 def test_every_option_is_in_its_file_with_its_default():
     for name in NAMES:
-        options = yaml.safe_load((CONF / f"{name}.yaml").read_text())
+        options = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
         method = make_segmenter(options).method
         defaults = {field.name: field.default for field in fields(method)}
         assert {key: value for key, value in options.items() if key != "_target_"} == defaults
@@ -145,6 +156,11 @@ def test_a_mesh_that_is_no_surface_is_refused_in_one_line(method, problem):
         ("spectral.Spectral", {"eta": 0}, "segmenter.eta is 0"),
         ("spectral.Spectral", {"sharpness": -1}, "segmenter.sharpness is -1"),
         ("gps_kmeans.GPSKMeans", {"n_coordinates": 0}, "segmenter.n_coordinates is 0"),
+        ("nodal_domains.NodalDomains", {"least_share": 1}, "segmenter.least_share is 1"),
+        ("nodal_domains.NodalDomains", {"max_eigenfunctions": 0}, "segmenter.max_eigenfunctions is 0"),
+        ("eigenfunction_persistence.EigenfunctionPersistence", {"n_eigenfunctions": 0}, "n_eigenfunctions is 0"),
+        ("eigenfunction_persistence.EigenfunctionPersistence", {"least_persistence": 2}, "least_persistence is 2"),
+        ("diffusion_distance.DiffusionDistance", {"time": 0}, "segmenter.time is 0"),
     ],
 )
 def test_an_impossible_option_is_refused(name, options, message):
