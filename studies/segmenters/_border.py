@@ -40,7 +40,7 @@ def minimum_cut(
         for each pair of faces what it costs to separate them, not negative; rounded to a thousandth of their mean, and
         at least that
     source, sink : (m,) bool array
-        faces that are to be separated, disjoint; if there are several cheapest cuts, that nearest to the source is chosen
+        faces that are to be separated, disjoint; of several cheapest cuts, that nearest to the source is chosen
 
     Returns
     -------

@@ -34,6 +34,8 @@ class CoreExtraction:
         of the multi-dimensional scaling
     convex_weight : float
         η, by which the angular distance across a convex edge is multiplied, from 0 to 1; concave edges have 1
+    limb_share : float
+        share of the area that a part outside the core has at least
     centre_share : float
         share of the area, the part of the core with the least sums of distances, that no limb reaches
 
@@ -48,10 +50,10 @@ class CoreExtraction:
     concave edges, are their borders.
 
     Ours: samples are farthest points along the dual graph, instead of the vertices of a decimated mesh, which a mesh of
-    many components does not have. How far from the hull the core extends is chosen so that most parts with feature
-    points are separated, at the smallest core. A limb is cut anywhere between its part outside the core and the
-    centre of the core, where edges are short: the core's surface is not exact enough for the paper's narrow band. One level; the paper's recursion into limbs is left out. Components are connected by
-    bridges, see `studies.segmenters._bridges`.
+    many components does not have. The core is the smallest that separates the largest number of parts with feature
+    points; too small parts do not count. A limb is cut anywhere between its part outside the core and the centre of
+    the core, where edges are short: the core's surface is not exact enough for the paper's narrow band. One level; the
+    paper's recursion into limbs is left out. Components are connected by bridges, see `studies.segmenters._bridges`.
 
     Takes O(n_samples m log m) for m faces and O(n_samples^3) for the embedding, and memory of 8 n_samples bytes per
     face.
@@ -68,7 +70,8 @@ class CoreExtraction:
     n_samples: int = 400
     iterations: int = 60
     convex_weight: float = 0.1
-    centre_share: float = 0.05
+    limb_share: float = 0.01
+    centre_share: float = 0.01
 
     algorithm_version: ClassVar[int] = 1
     labels_of: ClassVar[str] = "faces"
@@ -89,7 +92,7 @@ class CoreExtraction:
     )
 
     def __post_init__(self) -> None:
-        check_shares(self, "convex_weight", "centre_share")
+        check_shares(self, "convex_weight", "limb_share", "centre_share")
         if self.n_samples < _LEAST_SAMPLES:
             raise ValueError(f"segmenter.n_samples is {self.n_samples!r}: it must be at least {_LEAST_SAMPLES}")
         if self.iterations < 0:
@@ -120,12 +123,13 @@ class CoreExtraction:
         samples, cells, distances = _sampled(graph, self.n_samples)
         if len(samples) < _LEAST_SAMPLES:
             return labels
-        areas = np.bincount(cells, graph.areas, len(samples))
+        areas = np.bincount(cells, graph.areas, len(samples)).astype(np.float64)
         remoteness = distances @ areas
         points = embedded(distances, self.iterations)
         points -= np.average(points, axis=0, weights=areas if areas.any() else None)
         neighbours = _neighbours(graph, cells, len(samples))
-        limbs = limbs_outside_core(neighbours, core_depths(points), feature_points(points, remoteness, neighbours))
+        features = feature_points(points, remoteness, neighbours)
+        limbs = limbs_outside_core(neighbours, core_depths(points), features, areas, self.limb_share * areas.sum())
         centre = _centre(limbs == 0, remoteness, areas, self.centre_share)
         capacities = cut_capacities(graph, self.convex_weight)
         for limb in range(1, int(limbs.max()) + 1):
@@ -221,9 +225,13 @@ def core_depths(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def limbs_outside_core(
-    neighbours: sp.csr_array, depths: NDArray[np.float64], features: NDArray[np.int64]
+    neighbours: sp.csr_array,
+    depths: NDArray[np.float64],
+    features: NDArray[np.int64],
+    areas: NDArray[np.float64],
+    least_area: float,
 ) -> NDArray[np.int64]:
-    """Connected parts with feature points outside the core, which is as large as separates most of them.
+    """Connected parts with feature points outside the core, which is the smallest that separates most of them.
 
     Parameters
     ----------
@@ -233,20 +241,25 @@ def limbs_outside_core(
         as `core_depths` returns them; the core are the samples from some depth on
     features : (f,) int array
         feature points
+    areas : (k,) float array
+        of the samples
+    least_area : float
+        of a part
 
     Returns
     -------
     (k,) int64 array
-        0 for the core and for parts without feature points; then 1, 2 …
+        0 for the core and for other parts; then 1, 2 …
     """
     best = np.zeros(len(depths), dtype=np.int64)
     for depth in _DEPTHS:
         outside = np.flatnonzero(depths < depth)
         parts = connected_components(neighbours[outside][:, outside], directed=False)[1]
-        with_features = np.unique(parts[np.isin(outside, features)])
-        if len(with_features) > best.max():
+        found = np.unique(parts[np.isin(outside, features)])
+        found = found[np.bincount(parts, areas[outside])[found] >= least_area]
+        if len(found) > best.max():
             best[:] = 0
-            best[outside] = np.where(np.isin(parts, with_features), np.searchsorted(with_features, parts) + 1, 0)
+            best[outside] = (parts[:, None] == found) @ np.arange(1, len(found) + 1)
     return best
 
 
