@@ -19,7 +19,7 @@ from studies.testing import check_segmenter, example_meshes
 from tests.helpers.beads import beads
 from tests.helpers.label_checks import change_when_moved, change_when_renumbered, errors_on_odd_meshes
 
-METHOD = CoreExtraction(n_samples=100)
+METHOD = CoreExtraction(n_samples=80)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def bent(vertices):
 
 def test_keeps_to_the_contract_of_segmenters():
     check_segmenter(METHOD, labels_of="faces")
-    options = {"_target_": "studies.segmenters.core_extraction.CoreExtraction", "n_samples": 50}
+    options = {"_target_": "studies.segmenters.core_extraction.CoreExtraction", "n_samples": 30}
     check_segmenter(make_segmenter(options))
 
 
@@ -113,7 +113,7 @@ def test_labels_do_not_depend_on_place_direction_size_or_numbering():
 
 
 def test_odd_meshes_are_segmented():
-    assert errors_on_odd_meshes(CoreExtraction(n_samples=40)) == {}
+    assert errors_on_odd_meshes(CoreExtraction(n_samples=30, iterations=20)) == {}
 
 
 def test_specks_belong_to_the_surface_near_them():
