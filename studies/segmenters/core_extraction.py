@@ -58,9 +58,10 @@ class CoreExtraction:
     Takes O(n_samples m log m) for m faces and O(n_samples^3) for the embedding, and memory of 8 n_samples bytes per
     face.
 
-    Rand Index error on the benchmark (options chosen on the first model of each category): 0.104 over the eleven non-rigid
-    categories, 0.153 over all nineteen, of the second model of each; 0.159 is published for the former
-    (Benjamin et al. 2011, Table 1). Cuts that are free to move to the necks make the difference.
+    Rand Index error on the benchmark's second and third model of each category, with options chosen on the first ones:
+    0.113 over the eleven non-rigid categories, 0.155 over all nineteen; 0.159 is published for the former (Benjamin et
+    al. 2011, Table 1). With the core's surface as the border of limbs, without cuts, it is
+    0.27 for the first models.
 
     Examples
     --------

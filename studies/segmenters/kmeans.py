@@ -49,9 +49,9 @@ class KMeans:
 
     Takes O(n_samples m log m) for m faces, and memory of 8 n_samples bytes per face.
 
-    Rand Index error on the benchmark (options chosen on the first model of each category): 0.161 over the eleven non-rigid
-    categories, 0.235 over all nineteen, of the second and third model of each; 0.161 is published for the former
-    (Benjamin et al. 2011, Table 1). That implementation does not give its weights.
+    Rand Index error on the benchmark's second and third model of each category, with options chosen on the first ones:
+    0.161 over the eleven non-rigid categories, 0.235 over all nineteen; 0.161 is published for the former (Benjamin et
+    al. 2011, Table 1). How that implementation weighs edges is not known.
 
     Examples
     --------

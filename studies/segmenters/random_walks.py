@@ -50,9 +50,10 @@ class RandomWalks:
     Takes one sparse factorisation of the m faces, O(n_seeds m log m) for the solutions, and O(n_seeds^3) for merging;
     memory of 8 n_seeds bytes per face beside the factor.
 
-    Rand Index error on the benchmark (options chosen on the first model of each category): 0.131 over the eleven non-rigid
-    categories, 0.188 over all nineteen, of the second and third model of each; 0.164 is published for the former
-    (Benjamin et al. 2011, Table 1). The area in the order of merging makes the difference.
+    Rand Index error on the benchmark's second and third model of each category, with options chosen on the first ones:
+    0.131 over the eleven non-rigid categories, 0.188 over all nineteen; 0.164 is published for the former (Benjamin et
+    al. 2011, Table 1). Merging without regard to areas is worse than published, in trials
+    with the first models.
 
     Examples
     --------
