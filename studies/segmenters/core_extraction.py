@@ -60,13 +60,14 @@ class CoreExtraction:
 
     Rand Index error on the benchmark's second and third model of each category, with options chosen on the first ones:
     0.113 over the eleven non-rigid categories, 0.155 over all nineteen; 0.159 is published for the former (Benjamin et
-    al. 2011, Table 1). With the core's surface as the border of limbs, without cuts, it is
-    0.27 for the first models.
+    al. 2011, Table 1). With the core's surface as the border of limbs, without cuts, it is 0.27
+    for the first models.
 
     Examples
     --------
     >>> import trimesh
-    >>> np.unique(CoreExtraction()(*trimesh.creation.icosphere(2)[:2])).tolist()
+    >>> sphere = trimesh.creation.icosphere(2)
+    >>> np.unique(CoreExtraction()(sphere.vertices, sphere.faces)).tolist()
     [0]
     """
 
