@@ -14,7 +14,7 @@ from studies.testing import check_segmenter, example_meshes
 from tests.helpers.beads import beads
 from tests.helpers.label_checks import change_when_moved, change_when_renumbered, errors_on_odd_meshes
 
-METHOD = KMeans()
+METHOD = KMeans(n_samples=80)
 
 
 def test_keeps_to_the_contract_of_segmenters():
