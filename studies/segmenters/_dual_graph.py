@@ -76,7 +76,7 @@ class DualGraph:
         size = np.linalg.norm(double, axis=1)
         normals = double / np.maximum(size, _TINY)[:, None]
         centres = corners.mean(axis=1)
-        pairs, edges, is_consistent = _shared_edges(faces)
+        pairs, edges, is_consistent = shared_edges(faces)
         first, second = pairs.T
         ends = vertices[edges]
         middle = ends.mean(axis=1)
@@ -111,7 +111,7 @@ class DualGraph:
         return connected_components(joined, directed=False)[1].astype(np.int64)
 
 
-def _shared_edges(
+def shared_edges(
     faces: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
     """Pairs of faces (p, 2), the edges they share (p, 2), and whether they traverse these in opposite directions."""

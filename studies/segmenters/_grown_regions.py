@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.numerics.compilation import compiled
+from studies.segmenters._union_find import root
 
 
 @compiled
@@ -35,7 +36,7 @@ def grown_regions(
     limit = np.full(n_vertices, threshold)
     for may_be_large in (True, False):
         for i in range(len(edges)):
-            a, b = _root(parent, edges[i, 0]), _root(parent, edges[i, 1])
+            a, b = root(parent, edges[i, 0]), root(parent, edges[i, 1])
             if a == b:
                 continue
             if may_be_large:
@@ -47,14 +48,5 @@ def grown_regions(
                 size[a] += size[b]
                 limit[a] = weights[i] + threshold / size[a]
     for vertex in range(n_vertices):
-        parent[vertex] = _root(parent, vertex)
+        parent[vertex] = root(parent, vertex)
     return parent
-
-
-@compiled
-def _root(parent: NDArray[np.int64], node: int) -> int:
-    """The root of a node, to which half of the nodes on the way are linked."""
-    while parent[node] != node:
-        parent[node] = parent[parent[node]]
-        node = parent[node]
-    return node

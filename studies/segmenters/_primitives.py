@@ -1,0 +1,201 @@
+"""Merging regions that a plane, a sphere or a cylinder fits well."""
+
+import heapq
+
+import numpy as np
+from numpy.typing import NDArray
+
+from heatwalk.numerics.compilation import compiled
+from studies.segmenters._union_find import root
+
+_TURN = 1e-15  # rotations by less, relative to the trace, end the iteration of Jacobi
+_FLAT = 1e-12  # variances below this, relative to the largest, are rounding
+
+
+@compiled
+def merge_by_primitives(
+    pairs: NDArray[np.int64], moments: NDArray[np.float64], normals: NDArray[np.float64], n_regions: int
+) -> NDArray[np.int64]:
+    """Merge neighbours until ``n_regions`` are left, or none are neighbours: the pair first that a primitive fits best.
+
+    Parameters
+    ----------
+    pairs : (p, 2) int array
+        adjacent faces
+    moments : (m, 10, 10) float array
+        integrals of the products of the monomials 1, x, y, z, xx, yy, zz, xy, xz, yz over each face; overwritten by
+        those of the regions
+    normals : (m, 3, 3) float array
+        integrals of the products of the components of the normals; overwritten too
+    n_regions : int
+        number of regions at which to stop
+
+    Returns
+    -------
+    (m,) int64 array
+        a face of the region of each face, the same for all of its faces
+    """
+    m = len(moments)
+    parent, version = np.arange(m), np.zeros(m, np.int64)
+    work, axes = np.empty((10, 10)), np.empty((3, 3))
+    heap = [(_error_of_union(moments, normals, pairs[i, 0], pairs[i, 1], work, axes), i, 0) for i in range(len(pairs))]
+    heapq.heapify(heap)
+    left = m
+    while left > n_regions and len(heap) > 0:
+        _, i, stamp = heapq.heappop(heap)
+        kept, gone = root(parent, pairs[i, 0]), root(parent, pairs[i, 1])
+        if kept == gone:
+            continue
+        current = version[kept] + version[gone]
+        if current != stamp:
+            # A region has grown, which can only have made the error larger: this pair's turn may come later.
+            heapq.heappush(heap, (_error_of_union(moments, normals, kept, gone, work, axes), i, current))
+            continue
+        parent[gone] = kept
+        moments[kept] += moments[gone]
+        normals[kept] += normals[gone]
+        version[kept] += version[gone] + 1
+        left -= 1
+    for node in range(m):
+        parent[node] = root(parent, node)
+    return parent
+
+
+@compiled
+def primitive_errors(
+    moments: NDArray[np.float64], normals: NDArray[np.float64], axes: NDArray[np.float64]
+) -> tuple[float, float, float]:
+    """Integrals of the squared distance of a region from the plane, the sphere and the cylinder that fit it.
+
+    The distance from a sphere or a cylinder of radius r is approximated by (d² - r²) / 2r, where d is that from its
+    centre or axis; the axis is the direction in which the normals vary least.
+
+    Parameters
+    ----------
+    moments : (10, 10) float array
+    normals : (3, 3) float array
+        as in `merge_by_primitives`
+    axes : (3, 3) float array
+        working memory
+    """
+    area = moments[0, 0]
+    if area <= 0:
+        return 0.0, 0.0, 0.0
+    mean = moments[0, 1:4] / area
+    covariance = moments[1:4, 1:4] / area - np.outer(mean, mean)
+    variances = covariance.copy()
+    _diagonalise(variances, axes)
+    plane = max(min(variances[0, 0], variances[1, 1], variances[2, 2]), 0.0)
+    # A sphere is where |x|² is a linear function of x; a cylinder, where that of the projection is.
+    square = np.zeros(6)
+    square[:3] = 1.0
+    sphere = _residual(moments, mean, variances, axes, square, 3)
+    scatter = normals.copy()
+    _diagonalise(scatter, axes)
+    _largest_first(scatter, axes)
+    axis = axes[:, 2].copy()
+    for i in range(3):
+        square[i] -= axis[i] ** 2
+    square[3] = -2 * axis[0] * axis[1]
+    square[4] = -2 * axis[0] * axis[2]
+    square[5] = -2 * axis[1] * axis[2]
+    first, second = axes[:, 0].copy(), axes[:, 1].copy()
+    along, across = np.dot(covariance, first), np.dot(covariance, second)
+    turn = 0.5 * np.arctan2(2 * np.dot(along, second), np.dot(along, first) - np.dot(across, second))
+    c, s = np.cos(turn), np.sin(turn)
+    first, second = c * first + s * second, c * second - s * first
+    axes[:, 0], axes[:, 1] = first, second
+    variances[0, 0] = np.dot(first, np.dot(covariance, first))
+    variances[1, 1] = np.dot(second, np.dot(covariance, second))
+    cylinder = _residual(moments, mean, variances, axes, square, 2)
+    return area * plane, area * sphere, area * cylinder
+
+
+@compiled
+def _error_of_union(
+    moments: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    a: int,
+    b: int,
+    work: NDArray[np.float64],
+    axes: NDArray[np.float64],
+) -> float:
+    """The error of the primitive that fits two regions best."""
+    work[:] = moments[a] + moments[b]
+    plane, sphere, cylinder = primitive_errors(work, normals[a] + normals[b], axes)
+    return min(plane, sphere, cylinder)
+
+
+@compiled
+def _residual(
+    moments: NDArray[np.float64],
+    mean: NDArray[np.float64],
+    variances: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    square: NDArray[np.float64],
+    n_axes: int,
+) -> float:
+    """The mean squared distance from the quadric on which a sum of squares is linear in the first coordinates."""
+    area = moments[0, 0]
+    level = rest = 0.0
+    with_points = np.zeros(3)
+    for i in range(6):
+        level += square[i] * moments[0, 4 + i] / area
+        for j in range(6):
+            rest += square[i] * moments[4 + i, 4 + j] * square[j] / area
+        for k in range(3):
+            with_points[k] += square[i] * moments[1 + k, 4 + i] / area
+    rest -= level**2
+    with_points -= level * mean
+    largest = max(variances[0, 0], variances[1, 1], variances[2, 2] if n_axes == 3 else 0.0)
+    squared_radius = level
+    for i in range(n_axes):
+        axis = axes[:, i].copy()
+        centre = np.dot(axis, mean)
+        if variances[i, i] > _FLAT * largest:
+            slope = np.dot(axis, with_points) / variances[i, i]
+            rest -= slope**2 * variances[i, i]
+            centre = slope / 2
+        squared_radius += centre**2 - 2 * centre * np.dot(axis, mean)
+    if squared_radius <= 0:
+        return np.inf
+    return max(rest, 0.0) / (4 * squared_radius)
+
+
+@compiled
+def _diagonalise(matrix: NDArray[np.float64], axes: NDArray[np.float64]) -> None:
+    """Make a symmetric 3 x 3 matrix diagonal, by Jacobi's rotations; the columns of ``axes`` are its eigenvectors."""
+    axes[:] = 0.0
+    for i in range(3):
+        axes[i, i] = 1.0
+    trace = abs(matrix[0, 0]) + abs(matrix[1, 1]) + abs(matrix[2, 2])
+    for _ in range(20):
+        if abs(matrix[0, 1]) + abs(matrix[0, 2]) + abs(matrix[1, 2]) <= _TURN * trace:
+            return
+        for i in range(2):
+            for j in range(i + 1, 3):
+                if matrix[i, j] == 0.0:
+                    continue
+                angle = 0.5 * np.arctan2(2 * matrix[i, j], matrix[i, i] - matrix[j, j])
+                c, s = np.cos(angle), np.sin(angle)
+                for k in range(3):
+                    x, y = matrix[k, i], matrix[k, j]
+                    matrix[k, i], matrix[k, j] = c * x + s * y, c * y - s * x
+                for k in range(3):
+                    x, y = matrix[i, k], matrix[j, k]
+                    matrix[i, k], matrix[j, k] = c * x + s * y, c * y - s * x
+                for k in range(3):
+                    x, y = axes[k, i], axes[k, j]
+                    axes[k, i], axes[k, j] = c * x + s * y, c * y - s * x
+
+
+@compiled
+def _largest_first(matrix: NDArray[np.float64], axes: NDArray[np.float64]) -> None:
+    """Order the columns of ``axes`` so that the one with the smallest eigenvalue is the last."""
+    least = 0
+    for i in range(1, 3):
+        if matrix[i, i] < matrix[least, least]:
+            least = i
+    if least < 2:
+        for k in range(3):
+            axes[k, least], axes[k, 2] = axes[k, 2], axes[k, least]
