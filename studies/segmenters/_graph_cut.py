@@ -47,7 +47,7 @@ def alpha_expansion(
     >>> costs = np.array([[0.0, 3], [2, 1], [3, 0]])
     >>> chain = np.array([[0, 1], [1, 2]])
     >>> alpha_expansion(costs, chain, np.array([2.0, 0.5])), alpha_expansion(costs, chain, np.array([0.5, 2]))
-    (array([0, 1, 1]), array([0, 1, 1]))
+    (array([0, 0, 1]), array([0, 1, 1]))
     """
     labels = costs.argmin(axis=1)
     least = energy(costs, pairs, weights, labels)

@@ -52,9 +52,9 @@ class ConvexDecomposition:
 
     Ours: a threshold of 0.1, twice the package's, which keeps limbs in one piece; fewer iterations (its default: 150),
     a lower depth (3) and resolution (2,000), to save time; the seed is 0; hulls carried to faces. Coincident vertices
-    are merged, holes closed, and large meshes decimated before the search, but the labels are of the faces given. What
-    is then no closed surface is refused: the package would take the thin shell around it for the solid, which has
-    dozens of parts and takes minutes. One thread.
+    are merged, holes closed (by MeshLab), and large meshes decimated before the search, but the labels are of the
+    faces given. What is then no closed surface is refused: the package would take the thin shell around it for the
+    solid, which has dozens of parts and takes minutes. One thread.
 
     Examples
     --------

@@ -62,7 +62,9 @@ class ShapeDiameter:
     over) take the mean of their neighbours, or the median of all if their whole component has none; a mesh whose signed
     volume is negative is turned over; the mixture is scikit-learn's, from one k-means++ with a fixed seed.
 
-    It takes a second or two for 20,000 faces, most of them for the graph cut.
+    On the Princeton benchmark, its Rand Index error is .159 over the second and third model of the eleven non-rigid
+    categories, and .143 as published (Table 1 of the Heat Walk's paper); .197 over those of all 19. Pliers and tables
+    are cut into too few parts. It takes a second or two for 20,000 faces, most of them for the graph cut.
 
     Examples
     --------
