@@ -7,7 +7,19 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from studies.columns import MISSING, is_missing
-from studies.figures.charts import Axis, Chart, Dots, Matrix, Number, Panel, Points, Scatter, Series
+from studies.figures.charts import (
+    WIDE_RANGE,
+    Axis,
+    Chart,
+    Dots,
+    Matrix,
+    Number,
+    Panel,
+    Points,
+    Scatter,
+    Series,
+    round_values,
+)
 from studies.statistics.ranks import pareto_front
 
 if TYPE_CHECKING:
@@ -93,8 +105,9 @@ def scatter(scores: Scores, title: str) -> Chart:
 
 
 def ranks(scores: Scores, title: str) -> Chart:
-    """Mean corruption error, and Rand Index error on the variants, of every method with their intervals."""
+    """Mean corruption error, and Rand Index error on the variants, with their intervals; baselines are left out."""
     board = scores.board[scores.board["mce"].notna()]
+    board = board[board["baseline"] == ""] if (board["baseline"] == "").any() else board
     names = tuple(
         _ranked(rank, scores.cards[name].label) for rank, name in zip(board["rank"], board["segmenter"], strict=True)
     )
@@ -140,7 +153,12 @@ def _dots(
     dots = Dots(
         "mean, 95 % interval", names, tuple(map(_number, values)), tuple(map(_number, low)), tuple(map(_number, high))
     )
-    return Panel(Axis(label, from_zero=True), Axis(categories=names), dots=(dots,))
+    reached = [value for value in (*dots.values, *dots.low, *dots.high) if value is not None]
+    if min(reached) > 0 and max(reached) / min(reached) >= WIDE_RANGE:
+        axis = Axis(label, ticks=round_values(reached), logarithmic=True)
+    else:
+        axis = Axis(label, from_zero=True)
+    return Panel(axis, Axis(categories=names), dots=(dots,))
 
 
 def _ranked(rank: object, label: str) -> str:

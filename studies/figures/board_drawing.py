@@ -137,7 +137,7 @@ def _draw_scatter(chart: Chart, scatter: Scatter) -> Figure:
     spread = np.ptp(x) or 0.1
     axes.set_xlim(min(x) - 0.12 * spread, max(x) + 0.25 * spread)
     top = max(y) * 1.12 if max(y) > 0 else 1.0
-    axes.set_ylim(min(0.0, min(y)) - 0.04 * top, top)
+    axes.set_ylim(min(0.0, min(y)) - 0.04 * min(top, 1.0 if max(y) > WIDE else top), top)
     if scatter.front:
         axes.plot(*zip(*scatter.front, strict=True), color=SUBTITLE_COLOUR, lw=0.8, ls="--", zorder=1)
     handles = [_draw_points(axes, points) for points in scatter.points]

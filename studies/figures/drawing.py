@@ -254,7 +254,7 @@ def _draw_panel(axes: Axes, panel: Panel, inches: float) -> dict[str, Any]:
     axes.set_title(wrap(displayable(panel.title), LABEL, inches + 0.4))
     _set_x_axis(axes, panel.x, inches)
     _set_y_axis(axes, panel.y)
-    if panel.dots:
+    if panel.dots and not panel.x.logarithmic:
         axes.locator_params(axis="x", nbins=4, min_n_ticks=3)
     values = _computed(panel)
     remark = NOTHING if not values else NO_CHANGE if panel.x.ticks and set(values) == {0.0} else ""
