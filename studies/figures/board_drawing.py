@@ -42,6 +42,8 @@ GAP = 0.35  # rows
 LINES = ("-", (0, (4, 1.2)), (0, (1, 1)), (0, (4, 1, 1, 1)))
 COLOURS = 6  # before they repeat with another line
 PANEL_HEIGHT = 1.12
+WIDE_ERRORS = 4.0  # largest over smallest Rand Index error from which on its axis is logarithmic
+ERRORS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8)
 WIDE = 6.0  # mean corruption error from which on its axis is compressed above 1
 
 
@@ -134,8 +136,14 @@ def _draw_scatter(chart: Chart, scatter: Scatter) -> Figure:
         axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
         axes.minorticks_off()
     # Room for the names.
-    spread = np.ptp(x) or 0.1
-    axes.set_xlim(min(x) - 0.12 * spread, max(x) + 0.25 * spread)
+    if min(x) > 0 and max(x) / min(x) > WIDE_ERRORS:  # one segment is far from all others
+        axes.set_xscale("log")
+        axes.set_xticks(ERRORS, [f"{tick:g}" for tick in ERRORS])
+        axes.minorticks_off()
+        axes.set_xlim(min(x) / 1.25, max(x) * 1.6)
+    else:
+        spread = np.ptp(x) or 0.1
+        axes.set_xlim(min(x) - 0.12 * spread, max(x) + 0.25 * spread)
     top = max(y) * 1.12 if max(y) > 0 else 1.0
     axes.set_ylim(min(0.0, min(y)) - 0.04 * min(top, 1.0 if max(y) > WIDE else top), top)
     if scatter.front:
