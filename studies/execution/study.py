@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from studies import storage
+from studies.columns import is_missing
 from studies.experiments.experiment import row_columns
 from studies.planning.trial import failed_row, planned_row
 from studies.reporting.origin import MadeFrom
@@ -302,7 +303,11 @@ def _show_traceback(row: Mapping[str, Any], engine: Engine, console: Console) ->
 
 def _declared_row(row: dict[str, Any], trial: Trial, declared: Collection[str]) -> dict[str, Any]:
     """A row, which becomes one that failed if it has values that no column is declared for: they would be lost."""
-    undeclared = [name for name, value in row.items() if name not in declared and not isinstance(value, np.ndarray)]
+    undeclared = [
+        name
+        for name, value in row.items()
+        if name not in declared and not isinstance(value, np.ndarray) and not is_missing(value)
+    ]
     if not undeclared:
         return row
     names = ", ".join(undeclared)
