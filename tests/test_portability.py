@@ -31,6 +31,10 @@ def unportable(tree):
             yield node.value
 
 
+# The kernel of Linux keeps the peak of memory; elsewhere it is sampled.
+ELSEWHERE_OTHERWISE = {"studies/execution/peak_memory.py": ["/proc/self/clear_refs", "/proc/self/status"]}
+
+
 @pytest.mark.parametrize(
     ("code", "found"),
     [
@@ -49,11 +53,11 @@ def test_the_search_finds_what_it_looks_for(code, found):
 def test_no_module_uses_what_windows_does_not_have():
     assert len(SOURCES) > 50
     found = {
-        str(path.relative_to(PROJECT)): names
+        path.relative_to(PROJECT).as_posix(): names
         for path in SOURCES
-        if (names := list(unportable(ast.parse(path.read_text("utf-8")))))
+        if (names := sorted(unportable(ast.parse(path.read_text("utf-8")))))
     }
-    assert found == {}
+    assert found == ELSEWHERE_OTHERWISE
 
 
 @pytest.mark.parametrize("engine", ["engine=serial", "engine.workers=2"])

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from hydra import compose
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -365,19 +364,22 @@ def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, .
     from studies.segmenters import make_segmenter
 
     single = _options(cfg, "segmenter")
+    if cfg.get("segmenters") is None and cfg.get("reference_segmenter") is None:
+        return (make_segmenter(single),)
+    known = _known_segmenters()
     reference = None
     if cfg.get("reference_segmenter") is not None:
-        reference = make_segmenter(_options_of("reference_segmenter is", cfg.reference_segmenter))
+        reference = make_segmenter(_options_of("reference_segmenter is", cfg.reference_segmenter, known))
     if cfg.get("segmenters") is None:
         return (make_segmenter(single, reference),)
-    names = _names_of_segmenters(cfg.segmenters)
+    names = _names_of_segmenters(cfg.segmenters, known)
     chosen = next((o.partition("=")[2] for o in reversed(overrides) if o.startswith("segmenter=")), "heat_walk")
     if any(o.lstrip("+").startswith("segmenter") and not o.startswith("segmenters") for o in overrides) and (
         chosen not in names
     ):
         raise StudyError(f"segmenter={chosen} has options, and segmenters={names} does not contain {chosen}")
     found = tuple(
-        make_segmenter(single if name == chosen else _options_of("segmenters contains", name), reference)
+        make_segmenter(single if name == chosen else _options_of("segmenters contains", name, known), reference)
         for name in names
     )
     duplicates = {one.name for i, one in enumerate(found) for other in found[:i] if one.name == other.name}
@@ -386,38 +388,36 @@ def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, .
     return found
 
 
-def _names_of_segmenters(names: Any) -> list[Any]:
-    """The entries of ``segmenters``; "all" is every method in conf/segmenter that needs no further options."""
+def _known_segmenters() -> dict[str, dict[str, Any]]:
+    """The options of each method in conf/segmenter, and in further folders of the search path."""
+    names = GlobalHydra.instance().config_loader().get_group_options("segmenter")
+    cfg = compose(overrides=[f"+segmenter@{name}={name}" for name in names])
+    return {name: _options(cfg, name) for name in names}
+
+
+def _names_of_segmenters(names: Any, known: Mapping[str, Mapping[str, Any]]) -> list[Any]:
+    """The entries of ``segmenters``; "all" is every known method that needs no further options."""
     if names == ALL:
         names = [ALL]
     if not isinstance(names, list | ListConfig) or not names:
         raise StudyError(
             f"segmenters is {names!r}: it must be a list, as in 'segmenters=[heat_walk,my_package.method]', or {ALL}"
         )
-    known = _known_segmenters() if ALL in names else []
-    others = [name for name in known if name not in names and REQUIRED not in _options_of("", name).values()]
+    others = [name for name, options in known.items() if name not in names and REQUIRED not in options.values()]
     return [each for name in names for each in (others if name == ALL else [name])]
 
 
-def _known_segmenters() -> list[str]:
-    """The names in conf/segmenter, and in further folders of the search path."""
-    return GlobalHydra.instance().config_loader().get_group_options("segmenter")
-
-
-def _options_of(where: str, name: Any) -> dict[str, Any]:
+def _options_of(where: str, name: Any, known: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
     """The options of a segmenter: a name in conf/segmenter, a dotted name, or options themselves."""
     if isinstance(name, DictConfig):
         return OmegaConf.to_container(name, resolve=True)  # type: ignore[return-value]
     if "." in str(name):
         return {"_target_": str(name)}
-    try:
-        cfg = compose(f"segmenter/{name}")
-    except HydraException as error:
+    if name not in known:
         raise StudyError(
-            f"{where} {name!r}, which is neither one of {', '.join(_known_segmenters())} nor a dotted name such as "
-            "my_package.method"
-        ) from error
-    return _options(cfg, "segmenter")
+            f"{where} {name!r}, which is neither one of {', '.join(known)} nor a dotted name such as my_package.method"
+        )
+    return known[name]
 
 
 def _record(cfg: DictConfig) -> dict[str, Any]:
