@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from heatwalk.accumulators import HeatWalk, heat_walk
+from heatwalk.confidence import label_margin
 from heatwalk.dissipators import divergence_from_uniform, relative_entropy_excess
 from heatwalk.kernel import HeatKernel, largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
@@ -90,6 +91,15 @@ class Segmentation:
     def divergence_from_uniform(self) -> NDArray[np.float64]:
         """KL(p_x ‖ uniform), (n,) float array in nats (paper, Figure 4 b); O(n²) time on first access."""
         return divergence_from_uniform(self.kernel, self._weights)
+
+    @cached_property
+    def margin(self) -> NDArray[np.float64]:
+        """How far the label of each vertex is from another one: (n,) float array in [0, 1], 0 if another ties with it.
+
+        The smallest of the margins of all choices that lead to the label; see `heatwalk.confidence`. Computed on first
+        access, in O(n) time for each vertex that others choose.
+        """
+        return label_margin(self.kernel, self.walk, self.accumulator_labels, self.relative_entropy_excess)
 
     @property
     def divergence_from_region(self) -> NDArray[np.float64]:
@@ -201,6 +211,29 @@ def segment_at_times(
     >>> len(few.exemplars) < len(many.exemplars)
     True
     """
+    times = check_times(times, time_unit, density)
+    stopwatch = Stopwatch()
+    vertices, faces = check_mesh(vertices, faces)
+    surface = faces[~repeats_earlier_face(faces)]
+    stiffness, mass = stiffness_and_mass(unit_area(vertices, surface), surface)
+    component = vertex_components(len(vertices), faces)
+    shared_seconds = {"operator": stopwatch.lap()}
+
+    solver = SpectrumSolver(stiffness, mass, component)
+    del stiffness
+    standard_times = in_standard_units(times, time_unit, solver)
+    spectrum = solver.up_to(largest_eigenvalue(min(standard_times)))
+    del solver  # the factor is larger than everything that follows
+    shared_seconds["spectrum"] = stopwatch.lap()
+    shared_seconds["compilation"] = stopwatch.compilation
+    weights = mass if density == "area" else None
+    return (
+        _segment_at_time(faces, spectrum, time, weights, split_dissipators, shared_seconds) for time in standard_times
+    )
+
+
+def check_times(times: Sequence[float], time_unit: str, density: str) -> list[float]:
+    """The times as floats; ValueError if they, their unit or the density are invalid."""
     times = [float(time) for time in times]
     for time in times:
         if not 0 < time < np.inf:
@@ -211,28 +244,14 @@ def segment_at_times(
         raise ValueError(f"time_unit must be one of {', '.join(TIME_UNITS)}, got {time_unit!r}")
     if density not in DENSITIES:
         raise ValueError(f"density must be one of {', '.join(DENSITIES)}, got {density!r}")
+    return times
 
-    stopwatch = _Stopwatch()
-    vertices, faces = check_mesh(vertices, faces)
-    surface = faces[~repeats_earlier_face(faces)]
-    stiffness, mass = stiffness_and_mass(unit_area(vertices, surface), surface)
-    component = vertex_components(len(vertices), faces)
-    shared_seconds = {"operator": stopwatch.lap()}
 
-    solver = SpectrumSolver(stiffness, mass, component)
-    del stiffness
+def in_standard_units(times: Sequence[float], time_unit: str, solver: SpectrumSolver) -> list[float]:
+    """Times in one of `TIME_UNITS` as standard times on the mesh of area 1."""
     if time_unit == "fiedler":
-        standard_times = [time / solver.fiedler_value() for time in times]
-    else:
-        standard_times = [time * (PAPER_TIME if time_unit == "paper" else 1.0) for time in times]
-    spectrum = solver.up_to(largest_eigenvalue(min(standard_times)))
-    del solver  # the factor is larger than everything that follows
-    shared_seconds["spectrum"] = stopwatch.lap()
-    shared_seconds["compilation"] = stopwatch.compilation
-    weights = mass if density == "area" else None
-    return (
-        _segment_at_time(faces, spectrum, time, weights, split_dissipators, shared_seconds) for time in standard_times
-    )
+        return [time / solver.fiedler_value() for time in times]
+    return [time * (PAPER_TIME if time_unit == "paper" else 1.0) for time in times]
 
 
 def compile_ahead() -> None:
@@ -253,7 +272,7 @@ def compile_ahead() -> None:
     segment(vertices, np.vstack([np.column_stack([corners, up, across]), np.column_stack([corners, across, right])]))
 
 
-class _Stopwatch:
+class Stopwatch:
     """Wall-clock seconds of one stage after the other, and those that compiling took, which belong to no stage."""
 
     def __init__(self) -> None:
@@ -280,7 +299,7 @@ def _segment_at_time(
     shared_seconds: dict[str, float],
 ) -> Segmentation:
     """The walk and the dissipators at one time."""
-    stopwatch = _Stopwatch()
+    stopwatch = Stopwatch()
     kernel = HeatKernel.from_spectrum(spectrum, standard_time)
     kernel_seconds = stopwatch.lap()
 
@@ -290,7 +309,7 @@ def _segment_at_time(
     excess = relative_entropy_excess(kernel, walk.labels, weights)
     labels = np.where(excess > 0, len(walk.exemplars), walk.labels)
     if split_dissipators:
-        labels[excess > 0] += _dissipator_pieces(excess > 0, faces)
+        labels[excess > 0] += dissipator_pieces(excess > 0, faces)
     dissipator_seconds = stopwatch.lap()
 
     return Segmentation(
@@ -316,7 +335,7 @@ def _segment_at_time(
     )
 
 
-def _dissipator_pieces(dissipates: NDArray[np.bool_], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def dissipator_pieces(dissipates: NDArray[np.bool_], faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """The connected piece of each dissipating vertex, numbered 0, 1, 2 …"""
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     components = vertex_components(len(dissipates), edges[dissipates[edges].all(axis=1)])

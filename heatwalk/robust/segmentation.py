@@ -1,0 +1,279 @@
+"""The robust variant: the walk with an averaged kernel at a stable time, its regions joined by persistence."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import heatwalk.kernel
+from heatwalk.accumulators import heat_walk
+from heatwalk.dissipators import relative_entropy_excess
+from heatwalk.kernel import largest_eigenvalue
+from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
+from heatwalk.meshes import check_mesh, mesh_edges, repeats_earlier_face
+from heatwalk.robust import scale
+from heatwalk.robust.averaging import averaged_kernel
+from heatwalk.robust.merging import Merging, merge_regions, saddles_between
+from heatwalk.robust.options import Options
+from heatwalk.robust.scale import stable_time
+from heatwalk.segmentation import (
+    PAPER_TIME,
+    Segmentation,
+    Stopwatch,
+    check_times,
+    dissipator_pieces,
+    faces_from_vertices,
+    in_standard_units,
+)
+from heatwalk.spectrum import Spectrum, SpectrumSolver
+
+# Increased when a change of the code changes labels, so that stored results of older versions are not reused.
+ROBUST_VERSION = 1
+
+# Least weight of an eigenvalue in the averaged kernel: labels are those of all smaller values too.
+MIN_DECAY = 1e-6
+
+
+@dataclass(frozen=True)
+class RobustSegmentation(Segmentation):
+    """Result of `heatwalk.segment_robust`, a `heatwalk.Segmentation` whose regions are joined ones.
+
+    Attributes
+    ----------
+    labels, accumulator_labels, face_labels, exemplars, relative_entropy_excess
+        as of `heatwalk.Segmentation`, for the joined regions
+    walk : HeatWalk
+        its ``labels`` and ``exemplars`` are those of the regions before they were joined
+    time, standard_time, fiedler_time : float
+        the time that was chosen; the kernel is averaged over ``times`` around it
+    times : (m,) float array
+        standard times
+    requested_time : float
+        the time that was asked for, in the units of the paper
+    merging : Merging
+        which regions of ``walk`` are joined
+    options : Options
+    """
+
+    times: NDArray[np.float64] = field(kw_only=True)
+    requested_time: float = field(kw_only=True)
+    merging: Merging = field(kw_only=True)
+    options: Options = field(kw_only=True)
+
+    @cached_property
+    def margin(self) -> NDArray[np.float64]:
+        """How far the label of each vertex is from another one: (n,) float array in [0, 1], 0 if another ties with it.
+
+        The smallest of the margins of all decisions that lead to the label: of the walk and of the dissipator test, see
+        `heatwalk.confidence`, and of those about joining its region.
+        """
+        return np.minimum(super().margin, self.merging.margin[self.walk.labels])
+
+
+def segment_robust(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    time: float = 1.0,
+    *,
+    time_unit: str = "paper",
+    density: str = "vertices",
+    split_dissipators: bool = False,
+    options: Options = Options(),  # noqa: B008 (frozen)
+) -> RobustSegmentation:
+    """Segment a triangle mesh with the robust variant of the Heat Walk.
+
+    Parameters
+    ----------
+    vertices, faces, time_unit, density, split_dissipators
+        as in `heatwalk.segment`
+    time : float
+        duration of the heat flow: with ``options.choose_time`` the middle of the times of which one is chosen
+    options : Options
+        which parts are used, by default all, and their parameters
+
+    Returns
+    -------
+    RobustSegmentation
+
+    Raises
+    ------
+    MeshError, SpectrumError, ValueError
+        as `heatwalk.segment`
+
+    Notes
+    -----
+    The parts, in the order in which they are applied:
+
+    - ``choose_time``: `heatwalk.robust.scale`
+    - ``average``: `heatwalk.robust.averaging`. The theorem of the walk holds for the averaged kernel.
+    - ``merge``, ``join_small``: `heatwalk.robust.merging`
+
+    With all of them off, labels are those of `heatwalk.segment`.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> mesh = trimesh.creation.icosphere(3).apply_scale([4, 1.2, 1])
+    >>> seg = segment_robust(mesh.vertices, mesh.faces)
+    >>> seg.n_segments, len(seg.exemplars)
+    (3, 2)
+    >>> bool(((seg.margin >= 0) & (seg.margin <= 1)).all())
+    True
+    """
+    return next(
+        segment_robust_at_times(
+            vertices,
+            faces,
+            [time],
+            time_unit=time_unit,
+            density=density,
+            split_dissipators=split_dissipators,
+            options=options,
+        )
+    )
+
+
+def segment_robust_at_times(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    times: Sequence[float],
+    *,
+    time_unit: str = "paper",
+    density: str = "vertices",
+    split_dissipators: bool = False,
+    options: Options = Options(),  # noqa: B008 (frozen)
+) -> Iterator[RobustSegmentation]:
+    """Segment a triangle mesh with the robust variant at several times, from a single spectrum.
+
+    Parameters
+    ----------
+    vertices, faces, time_unit, density, split_dissipators, options
+        as in `segment_robust`
+    times : sequence of floats, in any order
+
+    Returns
+    -------
+    iterator of RobustSegmentation
+        one per time, as of `heatwalk.segment_at_times`
+
+    Raises
+    ------
+    MeshError, SpectrumError, ValueError
+        as `segment_robust`; also ValueError if ``times`` is empty
+
+    Examples
+    --------
+    The number of segments hardly depends on the time:
+
+    >>> import trimesh
+    >>> mesh = trimesh.creation.icosphere(3).apply_scale([4, 1.2, 1])
+    >>> [seg.n_segments for seg in segment_robust_at_times(mesh.vertices, mesh.faces, [0.6, 1, 2.7])]
+    [3, 3, 3]
+    """
+    times = check_times(times, time_unit, density)
+    stopwatch = Stopwatch()
+    vertices, faces = check_mesh(vertices, faces)
+    surface = faces[~repeats_earlier_face(faces)]
+    stiffness, mass = stiffness_and_mass(unit_area(vertices, surface), surface)
+    component = vertex_components(len(vertices), faces)
+    edges = mesh_edges(surface)[0]
+    seconds = {"operator": stopwatch.lap()}
+
+    solver = SpectrumSolver(stiffness, mass, component)
+    del stiffness
+    standard_times = in_standard_units(times, time_unit, solver)
+    spectrum = solver.up_to(max(_largest_eigenvalues(min(standard_times), options)))
+    seconds["spectrum"] = stopwatch.lap()
+    chosen = [stable_time(spectrum, edges, time, options) if options.choose_time else time for time in standard_times]
+    seconds["time"] = stopwatch.lap()
+    if (limit := largest_eigenvalue(options.averaged(min(chosen))[0], _min_decay(options))) > spectrum.limit:
+        spectrum = solver.up_to(limit)
+    del solver  # the factor is larger than everything that follows
+    seconds["spectrum"] += stopwatch.lap()
+    seconds["compilation"] = stopwatch.compilation
+    weights = mass if density == "area" else None
+    return (
+        _segment_at_time(faces, edges, spectrum, requested, time, weights, split_dissipators, options, seconds)
+        for requested, time in zip(standard_times, chosen, strict=True)
+    )
+
+
+def _largest_eigenvalues(time: float, options: Options) -> tuple[float, float]:
+    """The eigenvalues up to which the walk at a standard time, and the choice of the time require the spectrum."""
+    first = options.averaged(time)[0]
+    of_walk = largest_eigenvalue(first, _min_decay(options))
+    if not options.choose_time:
+        return of_walk, of_walk
+    return of_walk, largest_eigenvalue(first / 2**options.octaves_before, scale.MIN_DECAY)
+
+
+def _min_decay(options: Options) -> float:
+    """Least weight of an eigenvalue in the kernel."""
+    return MIN_DECAY if options.average else heatwalk.kernel.MIN_DECAY
+
+
+def _segment_at_time(
+    faces: NDArray[np.int64],
+    edges: NDArray[np.int64],
+    spectrum: Spectrum,
+    requested: float,
+    time: float,
+    weights: NDArray[np.float64] | None,
+    split_dissipators: bool,
+    options: Options,
+    shared_seconds: dict[str, float],
+) -> RobustSegmentation:
+    """The walk, the joined regions and the dissipators at one time."""
+    stopwatch = Stopwatch()
+    times = options.averaged(time)
+    kernel = averaged_kernel(spectrum, times, _min_decay(options))
+    kernel_seconds = stopwatch.lap()
+
+    walk = heat_walk(kernel)
+    walk_seconds = stopwatch.lap()
+
+    merging = merge_regions(
+        saddles_between(kernel, walk.labels, edges),
+        walk.exemplars,
+        walk.first_potential[walk.exemplars],
+        np.bincount(walk.labels, spectrum.mass).astype(np.float64),
+        **options.joining,
+    )
+    accumulator_labels = merging.of_region[walk.labels]
+    merging_seconds = stopwatch.lap()
+
+    excess = relative_entropy_excess(kernel, accumulator_labels, weights)
+    labels = np.where(excess > 0, len(merging.exemplars), accumulator_labels)
+    if split_dissipators:
+        labels[excess > 0] += dissipator_pieces(excess > 0, faces)
+    dissipator_seconds = stopwatch.lap()
+
+    return RobustSegmentation(
+        labels=labels,
+        accumulator_labels=accumulator_labels,
+        face_labels=faces_from_vertices(labels, faces),
+        exemplars=merging.exemplars,
+        relative_entropy_excess=excess,
+        walk=walk,
+        kernel=kernel,
+        spectrum=spectrum,
+        time=time / PAPER_TIME,
+        standard_time=time,
+        fiedler_time=time * spectrum.fiedler_value,
+        seconds={
+            "compilation": shared_seconds["compilation"] + stopwatch.compilation,
+            "operator": shared_seconds["operator"],
+            "spectrum": shared_seconds["spectrum"] + kernel_seconds,
+            "time": shared_seconds["time"],
+            "walk": walk_seconds,
+            "merging": merging_seconds,
+            "dissipators": dissipator_seconds,
+        },
+        _weights=weights,
+        times=times,
+        requested_time=requested / PAPER_TIME,
+        merging=merging,
+        options=options,
+    )
