@@ -131,6 +131,7 @@ def _parser() -> argparse.ArgumentParser:
         "label of each vertex as a property, and next to it a .seg file with one label per face, in the order\n"
         "of the faces.",
         epilog="example:\n  heatwalk segment cow.obj --time 1 --output cow_segments.ply\n"
+        "  heatwalk segment scan.ply --robust\n"
         "  heatwalk segment meshes --output segments",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -141,6 +142,12 @@ def _parser() -> argparse.ArgumentParser:
         default=1.0,
         metavar="T",
         help="duration of the heat flow in the unit of the paper; longer times give fewer segments (default: 1)",
+    )
+    command.add_argument(
+        "--robust",
+        action="store_true",
+        help="use the robust variant: nearly the same segments on noisy and damaged copies of a mesh, at a time near "
+        "--time at which their number is stable",
     )
     command.add_argument(
         "--output",
@@ -285,6 +292,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
     from heatwalk.io.seg import seg_bytes
     from heatwalk.meshes import MeshError
     from heatwalk.numerics.compilation import announced
+    from heatwalk.robust.segmentation import segment_robust
     from heatwalk.segmentation import segment
     from heatwalk.spectrum import SpectrumError
 
@@ -301,7 +309,8 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
         )
     try:
         with announced(_announce_compilation):
-            segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
+            segment_mesh = segment_robust if arguments.robust else segment
+            segmentation = segment_mesh(mesh.vertices, mesh.faces, time=arguments.time)
     except (MeshError, SpectrumError) as error:
         return f"{path}: {error}"
     except MemoryError:

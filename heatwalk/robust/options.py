@@ -50,7 +50,7 @@ class Options:
     average: bool = True
     octaves: float = 2.0
     choose_time: bool = True
-    octaves_before: float = 2.0
+    octaves_before: float = 1.5
     octaves_after: float = 3.0
     merge: bool = True
     persistence: float = 0.9

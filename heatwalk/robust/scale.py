@@ -2,9 +2,9 @@
 
 The number of regions decreases as heat flows for longer, in steps between which it is constant. A time just before such
 a step is a bad one: the slightest change of the shape moves the step across it. Of the numbers of regions over a window
-of times around the given one, that which lasts longest (on the logarithmic scale) is taken, and the middle of the times
-at which it is found. One region for each connected component, which is the end of all shapes, is taken only if there is
-no other number.
+of times around the given one, that which lasts longest (on the logarithmic scale) is taken, and of its times the nearest
+to the given one that keeps a distance from both steps. One region for each connected component, which is the end of all
+shapes, is taken only if there is no other number.
 
 The regions are only counted for this, and not by walks: each vertex follows the largest capacity among the *edges* to a
 vertex of higher potential, to a peak of the mesh, and the regions of the peaks are joined as `heatwalk.robust.merging`
@@ -24,13 +24,16 @@ from heatwalk.spectrum import Spectrum
 # Times per octave at which the regions are counted.
 PER_OCTAVE = 4
 
+# Octaves that the time keeps from the first and the last with its number of regions, if these are far enough apart.
+DISTANCE = 0.5
+
 # Least weight of an eigenvalue in the kernels in which regions are counted: it decides how many are required at the
 # shortest time. With 1e-7 the number is the same at 99 % of the times.
 MIN_DECAY = 1e-3
 
 
 def stable_time(spectrum: Spectrum, edges: NDArray[np.int64], time: float, options: Options) -> float:
-    """The middle of the times around a given one at which the number of regions is the most frequent one.
+    """The nearest time to a given one at which the number of regions is the most frequent one around it.
 
     Parameters
     ----------
@@ -45,7 +48,7 @@ def stable_time(spectrum: Spectrum, edges: NDArray[np.int64], time: float, optio
     Returns
     -------
     float
-        the median of the times of the most frequent number; of several such numbers, of the largest
+        of several numbers that are the most frequent ones, the largest is taken
 
     Notes
     -----
@@ -72,7 +75,10 @@ def stable_time(spectrum: Spectrum, edges: NDArray[np.int64], time: float, optio
     if numbers.max() > len(spectrum.eigenvalues):
         frequency[: len(spectrum.eigenvalues) + 1] = 0
     most_frequent = np.flatnonzero(frequency == frequency.max())[-1]
-    return float(np.exp(np.median(np.log(tried[numbers == most_frequent]))))
+    chosen = steps[numbers == most_frequent]
+    skipped = min(round(DISTANCE * PER_OCTAVE), (len(chosen) - 1) // 2)
+    step = min(chosen[skipped : len(chosen) - skipped], key=abs)
+    return float(time * 2 ** (step / PER_OCTAVE))
 
 
 def _count_at(spectrum: Spectrum, edges: NDArray[np.int64], time: float, options: Options) -> int:

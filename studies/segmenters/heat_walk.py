@@ -59,7 +59,7 @@ class HeatWalk:
             if getattr(self, option) not in valid:
                 raise ValueError(f"segmenter.{option} is {getattr(self, option)!r}: choose one of {', '.join(valid)}")
 
-    algorithm_version: ClassVar[int] = heatwalk.ALGORITHM_VERSION
+    algorithm_version: ClassVar[int | str] = heatwalk.ALGORITHM_VERSION
 
     @staticmethod
     def is_compiled() -> bool:
