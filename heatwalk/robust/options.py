@@ -1,12 +1,13 @@
 """What `heatwalk.segment_robust` does beyond the Heat Walk as published."""
 
 import math
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, fields
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
+
+from heatwalk.robust.averaging import times_around
+from heatwalk.robust.repair import Repair
 
 # A range of times wider than this has nothing to do with the one given.
 MAX_OCTAVES = 8
@@ -18,6 +19,8 @@ class Options:
 
     Parameters
     ----------
+    repair : Repair
+        what is repaired before anything is measured; labels remain those of the vertices as they are
     average : bool
         walk with the mean of the heat kernels at times around the given one instead of with the kernel at that time
     octaves : float, >= 0
@@ -47,6 +50,7 @@ class Options:
     ValueError: persistence is 1.5: it must be above 0 and at most 1
     """
 
+    repair: Repair = field(default_factory=Repair)
     average: bool = True
     octaves: float = 2.0
     choose_time: bool = True
@@ -58,10 +62,10 @@ class Options:
     min_area: float = 0.01
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(field.default, bool) and not isinstance(value, bool):
-                raise ValueError(f"{field.name} is {value!r}: it must be true or false")
+        for option in fields(self):
+            value = getattr(self, option.name)
+            if isinstance(option.default, bool) and not isinstance(value, bool):
+                raise ValueError(f"{option.name} is {value!r}: it must be true or false")
         for name in ("octaves", "octaves_before", "octaves_after"):
             if not 0 <= getattr(self, name) <= MAX_OCTAVES:
                 raise ValueError(f"{name} is {getattr(self, name)!r}: it must be from 0 to {MAX_OCTAVES}")
@@ -70,10 +74,8 @@ class Options:
         if not 0 <= self.min_area < 1:
             raise ValueError(f"min_area is {self.min_area!r}: it must be at least 0 and below 1")
 
-    def averaged(self, time: float) -> "NDArray[np.float64]":
+    def averaged(self, time: float) -> NDArray[np.float64]:
         """The times over which the kernel at one time is averaged, ascending."""
-        from heatwalk.robust.averaging import times_around
-
         return times_around(time, self.octaves if self.average else 0.0)
 
     @property

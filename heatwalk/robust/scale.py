@@ -2,9 +2,9 @@
 
 The number of regions decreases as heat flows for longer, in steps between which it is constant. A time just before such
 a step is a bad one: the slightest change of the shape moves the step across it. Of the numbers of regions over a window
-of times around the given one, that which lasts longest (on the logarithmic scale) is taken, and of its times the nearest
-to the given one that keeps a distance from both steps. One region for each connected component, which is the end of all
-shapes, is taken only if there is no other number.
+of times around the given one, that which lasts longest (on the logarithmic scale) is taken; and of its times, the one
+nearest to the given one that keeps a distance from both steps. One region for each connected component, which is the
+end of all shapes, is taken only if there is no other number.
 
 The regions are only counted for this, and not by walks: each vertex follows the largest capacity among the *edges* to a
 vertex of higher potential, to a peak of the mesh, and the regions of the peaks are joined as `heatwalk.robust.merging`

@@ -3,12 +3,14 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import heatwalk.kernel
 from heatwalk.accumulators import heat_walk
+from heatwalk.confidence import dissipator_margin, walk_margin
 from heatwalk.dissipators import relative_entropy_excess
 from heatwalk.kernel import largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
@@ -17,6 +19,7 @@ from heatwalk.robust import scale
 from heatwalk.robust.averaging import averaged_kernel
 from heatwalk.robust.merging import Merging, merge_regions, saddles_between
 from heatwalk.robust.options import Options
+from heatwalk.robust.repair import Repaired, repaired
 from heatwalk.robust.scale import stable_time
 from heatwalk.segmentation import (
     PAPER_TIME,
@@ -54,12 +57,16 @@ class RobustSegmentation(Segmentation):
         the time that was asked for, in the units of the paper
     merging : Merging
         which regions of ``walk`` are joined
+    repaired : Repaired
+        the mesh that was measured: ``kernel``, ``spectrum`` and ``walk`` refer to its vertices, of which the first n
+        are those of the mesh
     options : Options
     """
 
     times: NDArray[np.float64] = field(kw_only=True)
     requested_time: float = field(kw_only=True)
     merging: Merging = field(kw_only=True)
+    repaired: Repaired = field(kw_only=True)
     options: Options = field(kw_only=True)
 
     @cached_property
@@ -69,7 +76,15 @@ class RobustSegmentation(Segmentation):
         The smallest of the margins of all decisions that lead to the label: of the walk and of the dissipator test, see
         `heatwalk.confidence`, and of those about joining its region.
         """
-        return np.minimum(super().margin, self.merging.margin[self.walk.labels])
+        n_vertices, of_repaired = len(self.labels), self.merging.of_region[self.walk.labels]
+        of_walk = np.minimum(walk_margin(self.kernel, self.walk, of_repaired), self.merging.margin[self.walk.labels])
+        of_test = dissipator_margin(self.relative_entropy_excess)
+        return np.where(self.dissipates, of_test, np.minimum(of_test, of_walk[:n_vertices]))
+
+    @cached_property
+    def divergence_from_uniform(self) -> NDArray[np.float64]:
+        """KL(p_x ‖ uniform), (n,) float array in nats, on the repaired mesh; O(n²) time on first access."""
+        return super().divergence_from_uniform[: len(self.labels)]
 
 
 def segment_robust(
@@ -106,11 +121,12 @@ def segment_robust(
     -----
     The parts, in the order in which they are applied:
 
+    - ``repair``: `heatwalk.robust.repair`. Only lengths and angles are measured on the repaired mesh.
     - ``choose_time``: `heatwalk.robust.scale`
     - ``average``: `heatwalk.robust.averaging`. The theorem of the walk holds for the averaged kernel.
     - ``merge``, ``join_small``: `heatwalk.robust.merging`
 
-    With all of them off, labels are those of `heatwalk.segment`.
+    With all of them off, labels are those of `heatwalk.segment`. So ``time`` 1 is 1/6 in standard units here too.
 
     Examples
     --------
@@ -176,10 +192,15 @@ def segment_robust_at_times(
     stopwatch = Stopwatch()
     vertices, faces = check_mesh(vertices, faces)
     surface = faces[~repeats_earlier_face(faces)]
-    stiffness, mass = stiffness_and_mass(unit_area(vertices, surface), surface)
-    component = vertex_components(len(vertices), faces)
-    edges = mesh_edges(surface)[0]
     seconds = {"operator": stopwatch.lap()}
+
+    metric = repaired(vertices, surface, options.repair)
+    seconds["repair"] = stopwatch.lap()
+
+    stiffness, mass = stiffness_and_mass(unit_area(metric.vertices, metric.faces), metric.faces)
+    component = vertex_components(len(metric.vertices), metric.faces)
+    edges = mesh_edges(metric.faces)[0]
+    seconds["operator"] += stopwatch.lap()
 
     solver = SpectrumSolver(stiffness, mass, component)
     del stiffness
@@ -193,11 +214,32 @@ def segment_robust_at_times(
     del solver  # the factor is larger than everything that follows
     seconds["spectrum"] += stopwatch.lap()
     seconds["compilation"] = stopwatch.compilation
-    weights = mass if density == "area" else None
-    return (
-        _segment_at_time(faces, edges, spectrum, requested, time, weights, split_dissipators, options, seconds)
-        for requested, time in zip(standard_times, chosen, strict=True)
+    shared = _Shared(
+        len(vertices),
+        faces,
+        metric,
+        edges,
+        spectrum,
+        mass if density == "area" else None,
+        split_dissipators,
+        options,
+        seconds,
     )
+    return (_segment_at_time(shared, time, requested) for time, requested in zip(chosen, standard_times, strict=True))
+
+
+class _Shared(NamedTuple):
+    """What segmentations at several times have in common."""
+
+    n_vertices: int
+    faces: NDArray[np.int64]
+    metric: Repaired
+    edges: NDArray[np.int64]
+    spectrum: Spectrum
+    weights: NDArray[np.float64] | None
+    split_dissipators: bool
+    options: Options
+    seconds: dict[str, float]
 
 
 def _largest_eigenvalues(time: float, options: Options) -> tuple[float, float]:
@@ -214,19 +256,10 @@ def _min_decay(options: Options) -> float:
     return MIN_DECAY if options.average else heatwalk.kernel.MIN_DECAY
 
 
-def _segment_at_time(
-    faces: NDArray[np.int64],
-    edges: NDArray[np.int64],
-    spectrum: Spectrum,
-    requested: float,
-    time: float,
-    weights: NDArray[np.float64] | None,
-    split_dissipators: bool,
-    options: Options,
-    shared_seconds: dict[str, float],
-) -> RobustSegmentation:
-    """The walk, the joined regions and the dissipators at one time."""
+def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSegmentation:
+    """The walk, the joined regions and the dissipators at a standard time."""
     stopwatch = Stopwatch()
+    options, spectrum, n_vertices = shared.options, shared.spectrum, shared.n_vertices
     times = options.averaged(time)
     kernel = averaged_kernel(spectrum, times, _min_decay(options))
     kernel_seconds = stopwatch.lap()
@@ -235,26 +268,27 @@ def _segment_at_time(
     walk_seconds = stopwatch.lap()
 
     merging = merge_regions(
-        saddles_between(kernel, walk.labels, edges),
+        saddles_between(kernel, walk.labels, shared.edges),
         walk.exemplars,
         walk.first_potential[walk.exemplars],
         np.bincount(walk.labels, spectrum.mass).astype(np.float64),
         **options.joining,
     )
-    accumulator_labels = merging.of_region[walk.labels]
+    joined = merging.of_region[walk.labels]
     merging_seconds = stopwatch.lap()
 
-    excess = relative_entropy_excess(kernel, accumulator_labels, weights)
-    labels = np.where(excess > 0, len(merging.exemplars), accumulator_labels)
-    if split_dissipators:
-        labels[excess > 0] += dissipator_pieces(excess > 0, faces)
+    excess = relative_entropy_excess(kernel, joined, shared.weights)[:n_vertices]
+    exemplars, accumulator_labels = _at_vertices(joined[:n_vertices], walk.first_potential[:n_vertices])
+    labels = np.where(excess > 0, len(exemplars), accumulator_labels)
+    if shared.split_dissipators:
+        labels[excess > 0] += dissipator_pieces(excess > 0, shared.faces)
     dissipator_seconds = stopwatch.lap()
 
     return RobustSegmentation(
         labels=labels,
         accumulator_labels=accumulator_labels,
-        face_labels=faces_from_vertices(labels, faces),
-        exemplars=merging.exemplars,
+        face_labels=faces_from_vertices(labels, shared.faces),
+        exemplars=exemplars,
         relative_entropy_excess=excess,
         walk=walk,
         kernel=kernel,
@@ -263,17 +297,33 @@ def _segment_at_time(
         standard_time=time,
         fiedler_time=time * spectrum.fiedler_value,
         seconds={
-            "compilation": shared_seconds["compilation"] + stopwatch.compilation,
-            "operator": shared_seconds["operator"],
-            "spectrum": shared_seconds["spectrum"] + kernel_seconds,
-            "time": shared_seconds["time"],
+            "compilation": shared.seconds["compilation"] + stopwatch.compilation,
+            "operator": shared.seconds["operator"],
+            "repair": shared.seconds["repair"],
+            "spectrum": shared.seconds["spectrum"] + kernel_seconds,
+            "time": shared.seconds["time"],
             "walk": walk_seconds,
             "merging": merging_seconds,
             "dissipators": dissipator_seconds,
         },
-        _weights=weights,
+        _weights=shared.weights,
         times=times,
         requested_time=requested / PAPER_TIME,
         merging=merging,
+        repaired=shared.metric,
         options=options,
     )
+
+
+def _at_vertices(
+    labels: NDArray[np.int64], potential: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Regions restricted to the vertices of the mesh itself: exemplars, ascending, and labels.
+
+    The exemplar is the vertex of the highest potential: that of the region, unless this was added by a repair.
+    """
+    order = np.lexsort((np.arange(len(labels)), -potential, labels))
+    present, first = np.unique(labels[order], return_index=True)
+    exemplars = order[first]
+    rank = np.argsort(np.argsort(exemplars))
+    return np.sort(exemplars), rank[np.searchsorted(present, labels)]

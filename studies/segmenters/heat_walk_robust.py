@@ -12,11 +12,16 @@ from numpy.typing import NDArray
 
 import heatwalk
 from heatwalk.robust.options import Options
+from heatwalk.robust.repair import Repair
 from heatwalk.robust.segmentation import ROBUST_VERSION, segment_robust_at_times
 from studies.segmenters.heat_walk import HeatWalk
 
 # The switches, and what names of methods call what each of them does.
 PARTS = {
+    "cut_handles": "handles",
+    "fill_holes": "holes",
+    "remove_spikes": "spikes",
+    "fair": "fairing",
     "average": "average",
     "choose_time": "time",
     "merge": "merge",
@@ -34,6 +39,8 @@ class HeatWalkRobust(HeatWalk):
     ----------
     time, time_unit, density, split_dissipators
         as of `HeatWalk`
+    cut_handles, fill_holes, remove_spikes, fair
+        as of `heatwalk.robust.repair.Repair`
     average, octaves, choose_time, octaves_before, octaves_after, merge, persistence, join_small, min_area
         as of `heatwalk.robust.options.Options`
 
@@ -41,10 +48,15 @@ class HeatWalkRobust(HeatWalk):
     --------
     >>> HeatWalkRobust().name, HeatWalkRobust(merge=False, time=2.0).name
     ('HeatWalkRobust', 'HeatWalkRobust (without merge, time=2.0)')
-    >>> HeatWalkRobust(average=False, choose_time=False, join_small=False).name
+    >>> off = dict.fromkeys(PARTS, False)
+    >>> HeatWalkRobust(**off | {"merge": True}).name
     'HeatWalkRobust (merge only)'
     """
 
+    cut_handles: bool = True
+    fill_holes: bool = True
+    remove_spikes: bool = True
+    fair: bool = True
     average: bool = True
     octaves: float = Options.octaves
     choose_time: bool = True
@@ -90,4 +102,6 @@ class HeatWalkRobust(HeatWalk):
 
     def _parts(self) -> Options:
         """The options of `heatwalk.segment_robust` that are not those of `heatwalk.segment`."""
-        return Options(**{field.name: getattr(self, field.name) for field in dataclasses.fields(Options)})
+        names = [field.name for field in dataclasses.fields(Options) if field.name != "repair"]
+        repair = Repair(self.cut_handles, self.fill_holes, self.remove_spikes, self.fair)
+        return Options(repair, **{name: getattr(self, name) for name in names})
