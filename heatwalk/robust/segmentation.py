@@ -248,7 +248,8 @@ def _largest_eigenvalues(time: float, options: Options) -> tuple[float, float]:
     of_walk = largest_eigenvalue(first, _min_decay(options))
     if not options.choose_time:
         return of_walk, of_walk
-    return of_walk, largest_eigenvalue(first / 2**options.octaves_before, scale.MIN_DECAY)
+    shortest = first / 2 ** (options.octaves_before + 1 / scale.PER_OCTAVE)
+    return of_walk, largest_eigenvalue(shortest, scale.MIN_DECAY)
 
 
 def _min_decay(options: Options) -> float:
