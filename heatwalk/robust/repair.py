@@ -28,13 +28,12 @@ class Repair:
         see `heatwalk.robust.fairing`
     max_hole : float
         largest hole that is filled: the area of a disc with its perimeter, as a share of the area of the surface
-    smoothing : float
-        square of the length over which the surface is smoothed, as a share of its area
-    first_sweeps, max_sweeps : int
-        how often vertices are averaged with their neighbours before the surface is measured for smoothing, at least and
-        at most
+    strength : float
+        of the fairing: sweeps for noise of one edge length
+    max_sweeps : int
+        sweeps of the fairing at most
     max_decrease : float
-        averaging goes on while it decreases the area by more than this share
+        twice as many sweeps are made as long as that decreases the area by more than this share
     """
 
     cut_handles: bool = True
@@ -42,20 +41,17 @@ class Repair:
     remove_spikes: bool = True
     fair: bool = True
     max_hole: float = 0.02
-    smoothing: float = 0.003
-    first_sweeps: int = 4
-    max_sweeps: int = 256
-    max_decrease: float = 0.03
+    strength: float = 40.0
+    max_sweeps: int = 512
+    max_decrease: float = 0.15
 
     def __post_init__(self) -> None:
-        for name in ("max_hole", "smoothing", "max_decrease"):
+        for name in ("max_hole", "strength", "max_decrease"):
             value = getattr(self, name)
             if not 0 <= value < np.inf:
                 raise ValueError(f"{name} must be at least 0 and finite, got {value!r}")
-        for name in ("first_sweeps", "max_sweeps"):
-            value = getattr(self, name)
-            if not isinstance(value, int) or value < 0:
-                raise ValueError(f"{name} must be a whole number, at least 0, got {value!r}")
+        if not isinstance(self.max_sweeps, int) or self.max_sweeps < 0:
+            raise ValueError(f"max_sweeps must be a whole number, at least 0, got {self.max_sweeps!r}")
 
 
 @dataclass(frozen=True)
@@ -108,6 +104,7 @@ def repaired(vertices: NDArray[np.float64], faces: NDArray[np.int64], options: R
         "nonmanifold_edges": _count_nonmanifold_edges(surface, n),
         "holes_filled": 0,
         "vertices_moved": 0,
+        "sweeps": 0,
     }
     if options.fill_holes:
         vertices, surface, report["holes_filled"] = fill_small_holes(vertices, surface, options.max_hole)
@@ -116,12 +113,11 @@ def repaired(vertices: NDArray[np.float64], faces: NDArray[np.int64], options: R
         vertices, moved = remove_spikes(vertices, *neighbours)
         report["vertices_moved"] = int(np.count_nonzero(moved))
     if options.fair:
-        vertices = fair(
+        vertices, report["sweeps"] = fair(
             vertices,
             surface,
             *neighbours,
-            smoothing=options.smoothing,
-            first_sweeps=options.first_sweeps,
+            strength=options.strength,
             max_sweeps=options.max_sweeps,
             max_decrease=options.max_decrease,
         )
