@@ -13,7 +13,7 @@ the dissipator test requires.
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.kernel import HeatKernel, largest_eigenvalue
+from heatwalk.kernel import MULTIPLICITY_TOLERANCE, HeatKernel, largest_eigenvalue
 from heatwalk.spectrum import Spectrum
 
 TIMES_PER_OCTAVE = 2
@@ -79,7 +79,8 @@ def averaged_kernel(spectrum: Spectrum, times: NDArray[np.float64], min_decay: f
         raise ValueError(
             f"time {np.min(times):g} requires eigenvalues up to {required:g}; the spectrum ends at {spectrum.limit:g}"
         )
-    weight = np.exp(-np.multiply.outer(times, spectrum.eigenvalues)).mean(axis=0)
-    n_columns = int(np.flatnonzero((weight >= min_decay * (1 - 1e-6)).any(axis=0))[-1]) + 1
+    # Of one time, exactly the weights of the kernel at that time: √(x²) is x.
+    weight = np.square(np.exp(-0.5 * np.multiply.outer(times, spectrum.eigenvalues))).mean(axis=0)
+    n_columns = int(np.flatnonzero((weight >= min_decay ** (1 + MULTIPLICITY_TOLERANCE)).any(axis=0))[-1]) + 1
     factor = spectrum.eigenvectors[:, :n_columns] * np.sqrt(weight[:, :n_columns])[spectrum.component]
     return HeatKernel(factor, spectrum.component, spectrum.mass, float(np.exp(np.mean(np.log(times)))))

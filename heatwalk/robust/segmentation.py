@@ -93,7 +93,7 @@ def segment_robust(
     time: float = 1.0,
     *,
     time_unit: str = "paper",
-    density: str = "vertices",
+    density: str = "area",
     split_dissipators: bool = False,
     options: Options = Options(),  # noqa: B008 (frozen)
 ) -> RobustSegmentation:
@@ -101,8 +101,11 @@ def segment_robust(
 
     Parameters
     ----------
-    vertices, faces, time_unit, density, split_dissipators
+    vertices, faces, time_unit, split_dissipators
         as in `heatwalk.segment`
+    density : {"vertices", "area"}
+        as in `heatwalk.segment`, but by default integrals over the surface: in sums over vertices, the many vertices of
+        a thin tip or a crumpled spot weigh as much as a limb
     time : float
         duration of the heat flow: with ``options.choose_time`` the middle of the times of which one is chosen
     options : Options
@@ -126,7 +129,8 @@ def segment_robust(
     - ``average``: `heatwalk.robust.averaging`. The theorem of the walk holds for the averaged kernel.
     - ``merge``, ``join_small``: `heatwalk.robust.merging`
 
-    With all of them off, labels are those of `heatwalk.segment`. So ``time`` 1 is 1/6 in standard units here too.
+    With all of them off, and sums over vertices, labels are those of `heatwalk.segment`. So ``time`` 1 is 1/6 in
+    standard units here, too.
 
     Examples
     --------
@@ -157,7 +161,7 @@ def segment_robust_at_times(
     times: Sequence[float],
     *,
     time_unit: str = "paper",
-    density: str = "vertices",
+    density: str = "area",
     split_dissipators: bool = False,
     options: Options = Options(),  # noqa: B008 (frozen)
 ) -> Iterator[RobustSegmentation]:
@@ -279,7 +283,9 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
     merging_seconds = stopwatch.lap()
 
     excess = relative_entropy_excess(kernel, joined, shared.weights)[:n_vertices]
-    exemplars, accumulator_labels = _at_vertices(joined[:n_vertices], walk.first_potential[:n_vertices])
+    exemplars, accumulator_labels = _at_vertices(
+        joined[:n_vertices], merging.exemplars, walk.first_potential[:n_vertices]
+    )
     labels = np.where(excess > 0, len(exemplars), accumulator_labels)
     if shared.split_dissipators:
         labels[excess > 0] += dissipator_pieces(excess > 0, shared.faces)
@@ -317,14 +323,16 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
 
 
 def _at_vertices(
-    labels: NDArray[np.int64], potential: NDArray[np.float64]
+    labels: NDArray[np.int64], exemplars: NDArray[np.int64], potential: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Regions restricted to the vertices of the mesh itself: exemplars, ascending, and labels.
 
-    The exemplar is the vertex of the highest potential: that of the region, unless this was added by a repair.
+    Of a region whose exemplar was added by a repair it is the vertex of the highest potential.
     """
-    order = np.lexsort((np.arange(len(labels)), -potential, labels))
+    n_vertices = len(labels)
+    order = np.lexsort((np.arange(n_vertices), -potential, labels))
     present, first = np.unique(labels[order], return_index=True)
-    exemplars = order[first]
-    rank = np.argsort(np.argsort(exemplars))
-    return np.sort(exemplars), rank[np.searchsorted(present, labels)]
+    own = np.where(exemplars[present] < n_vertices, exemplars[present], order[first])
+    rank = np.empty(len(exemplars), dtype=np.int64)
+    rank[present[np.argsort(own)]] = np.arange(len(own))
+    return np.sort(own), rank[labels]

@@ -33,7 +33,7 @@ PARTS = {
 class HeatWalkRobust(HeatWalk):
     """`heatwalk.segment_robust` with fixed options; its dissipators have the label -1.
 
-    Every part is a switch; with all of them off, this is `HeatWalk`.
+    Every part is a switch; with all of them off and ``density="vertices"``, this is `HeatWalk`.
 
     Parameters
     ----------
@@ -53,6 +53,7 @@ class HeatWalkRobust(HeatWalk):
     'HeatWalkRobust (merge only)'
     """
 
+    density: str = "area"
     cut_handles: bool = True
     fill_holes: bool = True
     remove_spikes: bool = True

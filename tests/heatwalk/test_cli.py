@@ -72,6 +72,15 @@ def test_segment_accepts_a_time_and_an_output(in_empty_folder, capsys):
     assert len(expected.exemplars) > len(heatwalk.segment(cow.vertices, cow.faces).exemplars)
 
 
+def test_segment_robust_writes_the_result_of_the_robust_variant(in_empty_folder, capsys):
+    assert main(["segment", str(bundled_path("ant")), "--robust", "--time", "2", "--output", "ant.ply"]) == 0
+    ant = read_mesh(bundled_path("ant"))
+    expected = heatwalk.segment_robust(ant.vertices, ant.faces, time=2)
+    assert np.array_equal(read_seg("ant.seg"), expected.face_labels)
+    assert f"{len(expected.exemplars)} accumulator regions" in capsys.readouterr().out
+    assert not np.array_equal(expected.face_labels, heatwalk.segment(ant.vertices, ant.faces, time=2).face_labels)
+
+
 def test_segment_lists_the_twenty_largest_segments_and_counts_the_rest(in_empty_folder, capsys):
     ant = read_mesh(bundled_path("ant"))
     n_segments = heatwalk.segment(ant.vertices, ant.faces).n_segments
