@@ -24,8 +24,8 @@ from heatwalk.robust.options import Options
 from heatwalk.segmentation import PAPER_TIME
 from heatwalk.spectrum import Spectrum
 
-# Regions are counted at so many times per octave: 1 in the unit of the paper, and from there, so that whatever the given
-# time is, their number changes at the same times. The time that is taken is one of these, too.
+# Regions are counted at so many times per octave, from 1 in the unit of the paper on: whatever the given time is, their
+# number changes at the same times. The time that is taken is one of these, too.
 PER_OCTAVE = 8
 
 # Octaves that the time keeps from the first and the last with its number of regions, if these are far enough apart.
