@@ -82,5 +82,6 @@ def averaged_kernel(spectrum: Spectrum, times: NDArray[np.float64], min_decay: f
     # Of one time, exactly the weights of the kernel at that time: √(x²) is x.
     weight = np.square(np.exp(-0.5 * np.multiply.outer(times, spectrum.eigenvalues))).mean(axis=0)
     n_columns = int(np.flatnonzero((weight >= min_decay ** (1 + MULTIPLICITY_TOLERANCE)).any(axis=0))[-1]) + 1
-    factor = spectrum.eigenvectors[:, :n_columns] * np.sqrt(weight[:, :n_columns])[spectrum.component]
+    root = np.sqrt(weight[:, :n_columns])
+    factor = spectrum.eigenvectors[:, :n_columns] * (root if len(root) == 1 else root[spectrum.component])
     return HeatKernel(factor, spectrum.component, spectrum.mass, float(np.exp(np.mean(np.log(times)))))
