@@ -38,6 +38,10 @@ ROBUST_VERSION = 1
 # Least weight of an eigenvalue in the averaged kernel: labels are those of all smaller values too.
 MIN_DECAY = 1e-6
 
+# Largest accepted residual of an eigenpair: a hundred times that of the walk as published, as crumpled meshes can have
+# flat triangles that exceed it by little, and the averaged kernel omits more than this.
+MAX_RESIDUAL = 1e-6
+
 
 @dataclass(frozen=True)
 class RobustSegmentation(Segmentation):
@@ -104,8 +108,9 @@ def segment_robust(
     vertices, faces, time_unit, split_dissipators
         as in `heatwalk.segment`
     density : {"vertices", "area"}
-        as in `heatwalk.segment`, but by default integrals over the surface: in sums over vertices, the many vertices of
-        a thin tip or a crumpled spot weigh as much as a limb
+        "area": the densities of the dissipator test are integrals over the surface, and their mean over a region is, too;
+        in sums over vertices, the many vertices of a thin tip or a crumpled spot weigh as much as a limb. "vertices" as
+        in `heatwalk.segment`
     time : float
         duration of the heat flow: with ``options.choose_time`` the middle of the times of which one is chosen
     options : Options
@@ -206,7 +211,7 @@ def segment_robust_at_times(
     edges = mesh_edges(metric.faces)[0]
     seconds["operator"] += stopwatch.lap()
 
-    solver = SpectrumSolver(stiffness, mass, component)
+    solver = SpectrumSolver(stiffness, mass, component, MAX_RESIDUAL)
     del stiffness
     standard_times = in_standard_units(times, time_unit, solver)
     spectrum = solver.up_to(max(_largest_eigenvalues(min(standard_times), options)))
@@ -282,7 +287,7 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
     joined = merging.of_region[walk.labels]
     merging_seconds = stopwatch.lap()
 
-    excess = relative_entropy_excess(kernel, joined, shared.weights)[:n_vertices]
+    excess = relative_entropy_excess(kernel, joined, shared.weights, shared.weights)[:n_vertices]
     exemplars, accumulator_labels = _at_vertices(
         joined[:n_vertices], merging.exemplars, walk.first_potential[:n_vertices]
     )

@@ -38,7 +38,7 @@ def partition(labels):
 
 @pytest.mark.parametrize("name", ["cow", "ant", "airplane"])
 @pytest.mark.parametrize(
-    "options", [{"density": "vertices"}, {"time": 3.0, "density": "area", "split_dissipators": True}]
+    "options", [{"density": "vertices"}, {"time": 3.0, "density": "vertices", "split_dissipators": True}]
 )
 def test_without_any_part_it_is_the_walk_as_published(name, options):
     mesh = bundled(name)
