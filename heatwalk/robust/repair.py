@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.robust.fairing import fair
+from heatwalk.robust.handles import cut_thin_handles
 from heatwalk.robust.half_edges import NON_MANIFOLD, adjacency, partners
 from heatwalk.robust.holes import fill_small_holes
 from heatwalk.robust.spikes import remove_spikes
@@ -26,6 +27,10 @@ class Repair:
         see `heatwalk.robust.spikes`
     fair : bool
         see `heatwalk.robust.fairing`
+    max_handle : float
+        longest loop around a handle that is cut, relative to the square root of the area
+    min_excess : float
+        least angle, in radians, by which the surface around it exceeds a flat one; 2π at the sharp end of a tube
     max_hole : float
         largest hole that is filled: the area of a disc with its perimeter, as a share of the area of the surface
     strength : float
@@ -40,13 +45,15 @@ class Repair:
     fill_holes: bool = True
     remove_spikes: bool = True
     fair: bool = True
+    max_handle: float = 0.12
+    min_excess: float = 3.2
     max_hole: float = 0.02
-    strength: float = 40.0
+    strength: float = 20.0
     max_sweeps: int = 512
     max_decrease: float = 0.15
 
     def __post_init__(self) -> None:
-        for name in ("max_hole", "strength", "max_decrease"):
+        for name in ("max_handle", "min_excess", "max_hole", "strength", "max_decrease"):
             value = getattr(self, name)
             if not 0 <= value < np.inf:
                 raise ValueError(f"{name} must be at least 0 and finite, got {value!r}")
@@ -103,11 +110,17 @@ def repaired(vertices: NDArray[np.float64], faces: NDArray[np.int64], options: R
     report: dict[str, Any] = {
         "nonmanifold_edges": _count_nonmanifold_edges(surface, n),
         "holes_filled": 0,
+        "handles_cut": 0,
+        "contacts_parted": 0,
         "vertices_moved": 0,
         "sweeps": 0,
     }
     if options.fill_holes:
         vertices, surface, report["holes_filled"] = fill_small_holes(vertices, surface, options.max_hole)
+    if options.cut_handles:
+        vertices, surface, report["handles_cut"], report["contacts_parted"] = cut_thin_handles(
+            vertices, surface, options.max_handle, options.min_excess
+        )
     neighbours = adjacency(surface, len(vertices))
     if options.remove_spikes:
         vertices, moved = remove_spikes(vertices, *neighbours)
@@ -121,7 +134,11 @@ def repaired(vertices: NDArray[np.float64], faces: NDArray[np.int64], options: R
             max_sweeps=options.max_sweeps,
             max_decrease=options.max_decrease,
         )
-    return Repaired(np.ldexp(vertices, exponent), np.concatenate([surface, faces[improper]]), report)
+    kept = np.arange(len(vertices)) < n
+    kept[surface] = True
+    number = np.cumsum(kept) - 1
+    surface = np.concatenate([number[surface], faces[improper]])
+    return Repaired(np.ldexp(vertices[kept], exponent), surface, report)
 
 
 def _count_nonmanifold_edges(faces: NDArray[np.int64], n_vertices: int) -> int:
