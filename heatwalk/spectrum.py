@@ -121,8 +121,8 @@ class SpectrumSolver:
     mass : (n,) float array, positive
     component : (n,) int array
         the connected component of each vertex, 0 … c-1
-    max_residual : float
-        largest residual of a pair that is accepted, relative as `MAX_RESIDUAL`
+    max_residual : float, optional
+        largest residual of a pair that is accepted, relative; by default `MAX_RESIDUAL`
 
     Raises
     ------
@@ -155,8 +155,9 @@ class SpectrumSolver:
         stiffness: "sp.csc_array",
         mass: NDArray[np.float64],
         component: NDArray[np.int64],
-        max_residual: float = MAX_RESIDUAL,
+        max_residual: float | None = None,
     ) -> None:
+        max_residual = MAX_RESIDUAL if max_residual is None else max_residual
         self.mass = mass
         self.component = component
         symmetric = scale_symmetric(stiffness, mass**-0.5)
