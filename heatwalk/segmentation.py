@@ -261,15 +261,18 @@ def compile_ahead() -> None:
     --------
     >>> compile_ahead()
     """
-    # A bent torus: without symmetry, and too large for the dense eigensolver.
-    n = 20
+    segment(*bent_torus())
+
+
+def bent_torus(n: int = 20) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices and faces of a torus without symmetry, too large for the dense eigensolver."""
     i, j = np.divmod(np.arange(n * n), n)
     u, v = 2 * np.pi * i / n, 2 * np.pi * j / n
     ring = 2 + (0.5 + 0.2 * np.sin(u)) * np.cos(v)
     vertices = np.column_stack([1.3 * ring * np.cos(u), ring * np.sin(u), 0.6 * np.sin(v) + 0.3 * np.cos(u)])
     right, up, across = i * n + (j + 1) % n, (i + 1) % n * n + j, (i + 1) % n * n + (j + 1) % n
     corners = np.arange(n * n)
-    segment(vertices, np.vstack([np.column_stack([corners, up, across]), np.column_stack([corners, across, right])]))
+    return vertices, np.vstack([np.column_stack([corners, up, across]), np.column_stack([corners, across, right])])
 
 
 class Stopwatch:

@@ -261,7 +261,8 @@ class _Component:
         if not largest <= self.max_residual:
             raise SpectrumError(
                 f"the eigenpairs of {_describe(self.vertices)} have a residual of {largest:.1e}, more than "
-                f"{self.max_residual:.0e}, usually because of very flat or very unequal triangles; remesh or clean the mesh"
+                f"{self.max_residual:.0e}, usually because of very flat or very unequal triangles; remesh or clean the "
+                "mesh"
             )
         return largest
 

@@ -25,6 +25,7 @@ from heatwalk.segmentation import (
     PAPER_TIME,
     Segmentation,
     Stopwatch,
+    bent_torus,
     check_times,
     dissipator_pieces,
     faces_from_vertices,
@@ -108,9 +109,9 @@ def segment_robust(
     vertices, faces, time_unit, split_dissipators
         as in `heatwalk.segment`
     density : {"vertices", "area"}
-        "area": the densities of the dissipator test are integrals over the surface, and their mean over a region is, too;
-        in sums over vertices, the many vertices of a thin tip or a crumpled spot weigh as much as a limb. "vertices" as
-        in `heatwalk.segment`
+        "area": the divergences of the dissipator test and the mean density of a region are integrals over the surface;
+        in sums over vertices, the many vertices of a thin tip or a crumpled spot weigh as much as a limb. "vertices":
+        sums, as published
     time : float
         duration of the heat flow: with ``options.choose_time`` the middle of the times of which one is chosen
     options : Options
@@ -235,6 +236,19 @@ def segment_robust_at_times(
         seconds,
     )
     return (_segment_at_time(shared, time, requested) for time, requested in zip(chosen, standard_times, strict=True))
+
+
+def compile_ahead() -> None:
+    """Compile what `segment_robust` needs, or load it from numba's cache, as `heatwalk.segmentation.compile_ahead`.
+
+    Examples
+    --------
+    >>> compile_ahead()
+    """
+    vertices, faces = bent_torus()
+    vertices[100] *= 1.5  # a spike, and two holes: one triangle, and all around a vertex but one
+    missing = np.flatnonzero((faces == 250).any(axis=1))[1:]
+    segment_robust(vertices, np.delete(faces, [0, *missing], axis=0))
 
 
 class _Shared(NamedTuple):

@@ -61,14 +61,14 @@ class HeatWalk:
 
     algorithm_version: ClassVar[int | str] = heatwalk.ALGORITHM_VERSION
 
-    @staticmethod
-    def is_compiled() -> bool:
+    @classmethod
+    def is_compiled(cls) -> bool:
         """Whether this process has everything that segmenting needs compiled or in numba's cache; then it is loaded."""
         from heatwalk.numerics.compilation import announced
 
         try:
             with announced(_refuse):
-                compile_ahead()
+                cls.compile_ahead()
         except _NotCompiledError:
             return False
         return True

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import heatwalk
 from heatwalk.robust.options import Options
 from heatwalk.robust.repair import Repair
-from heatwalk.robust.segmentation import ROBUST_VERSION, segment_robust_at_times
+from heatwalk.robust.segmentation import ROBUST_VERSION, compile_ahead, segment_robust_at_times
 from studies.segmenters.heat_walk import HeatWalk
 
 # The switches, and what names of methods call what each of them does.
@@ -90,6 +90,11 @@ class HeatWalkRobust(HeatWalk):
         ]
         told = ", ".join([parts] * bool(off) + others)
         return f"HeatWalkRobust ({told})" if told else "HeatWalkRobust"
+
+    @staticmethod
+    def compile_ahead() -> None:
+        """Compile everything that segmenting needs."""
+        compile_ahead()
 
     def segmentation(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> heatwalk.Segmentation:
         """The complete result of `heatwalk.segment_robust`."""

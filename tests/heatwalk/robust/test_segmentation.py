@@ -7,10 +7,11 @@ from scipy.spatial.transform import Rotation
 
 import heatwalk
 from heatwalk.confidence import dissipator_margin, walk_margin
+from heatwalk.numerics.compilation import seconds_compiled
 from heatwalk.robust.averaging import times_around
 from heatwalk.robust.options import Options
 from heatwalk.robust.repair import Repair
-from heatwalk.robust.segmentation import segment_robust_at_times
+from heatwalk.robust.segmentation import compile_ahead, segment_robust_at_times
 from perturb.testing import odd_meshes
 from tests.helpers.blobs import beads
 from tests.helpers.meshes import bundled
@@ -158,3 +159,15 @@ def test_odd_meshes_have_labels_or_a_reason_why_not(name):
 def test_an_invalid_option_is_refused(option, value, message):
     with pytest.raises(ValueError, match=f"^{message}$"):
         dataclasses.replace(Options(), **{option: value})
+
+
+def test_compiling_ahead_leaves_nothing_to_compile():
+    compile_ahead()
+    seconds = seconds_compiled()
+    torus = trimesh.creation.torus(1, 0.4, major_sections=24, minor_sections=24)
+    vertices = np.array(torus.vertices)
+    vertices[50] *= 1.4
+    result = heatwalk.segment_robust(vertices, torus.faces[7:])
+    assert result.repaired.report["holes_filled"] > 0
+    assert seconds_compiled() == seconds
+    assert result.seconds["compilation"] == 0
