@@ -5,8 +5,9 @@ the next edge with one face. Where two holes touch in a vertex, the trace runs t
 meets itself, and each piece is the outline of one hole.
 
     3 edges     a triangle
-    otherwise   the triangulation of the outline of least area, found exactly by dynamic programming; a new edge is
-                never one that the mesh already has
+    otherwise   the triangulation of the outline of least cost, found exactly by dynamic programming: its area plus a
+                fiftieth of the squares of the new edges, so that of two that are equally large, as all triangulations
+                of a flat hole are, the one with the shorter edges is taken; a new edge is never one that the mesh has
 
 Only holes that are small against the shape are filled: an outline of length l can bound at most l² / 4π, the area of a
 disc, and this must be within a share of the area of the surface. So the rims of open surfaces remain as they are.
@@ -25,6 +26,9 @@ from numpy.typing import NDArray
 from heatwalk.numerics.compilation import compiled
 from heatwalk.numerics.triangles import areas
 from heatwalk.robust.half_edges import BOUNDARY, adjacency, head, other_side, partners, tail
+
+# Cost of the square of the length of a new edge, relative to that of area.
+CHORD_COST = 0.02
 
 # Outlines of more edges are filled by a fan around their centre: the time of the best triangulation grows with the cube.
 MAX_TRIANGULATED = 150
@@ -258,7 +262,7 @@ def _triangulate(
     neighbour_starts: NDArray[np.int64],
     neighbours: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Triangles of least area in the wanted loops, and which loops have them: not those that would reuse an edge."""
+    """Triangles of least cost in the wanted loops, and which loops have them: not those that would reuse an edge."""
     n_loops = len(starts) - 1
     triangles = np.empty((len(loops), 3), np.int64)
     done = np.zeros(n_loops, np.bool_)
@@ -294,7 +298,7 @@ def _best_middles(
 ) -> NDArray[np.int64]:
     """The third corner of the triangle on the chord of corners a < c, on the side of b in between; -1 if there is none.
 
-    Cost of the part of the loop from a to c: least sum of the areas of its triangles.
+    Cost of the part of the loop from a to c: least sum of the areas of its triangles and of its share of the chords.
     """
     size = len(loop)
     middle = np.full((size, size), -1, np.int64)
@@ -303,10 +307,11 @@ def _best_middles(
         for a in range(size - span):
             c = a + span
             cost[a, c] = np.inf
+            chord = CHORD_COST * _squared_distance(vertices[loop[a]], vertices[loop[c]]) if span < size - 1 else 0.0
             if span < size - 1 and _is_edge(loop[a], loop[c], neighbour_starts, neighbours):
                 continue
             for b in range(a + 1, c):
-                rest = cost[a, b] + cost[b, c]
+                rest = chord + cost[a, b] + cost[b, c]
                 if rest < cost[a, c]:
                     total = rest + _triangle_area(vertices[loop[a]], vertices[loop[b]], vertices[loop[c]])
                     if total < cost[a, c]:
@@ -320,6 +325,12 @@ def _is_edge(a: int, b: int, starts: NDArray[np.int64], neighbours: NDArray[np.i
     if starts[a + 1] - starts[a] > starts[b + 1] - starts[b]:
         a, b = b, a
     return bool(np.any(neighbours[starts[a] : starts[a + 1]] == b))
+
+
+@compiled
+def _squared_distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Square of the distance of two points."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
 @compiled
