@@ -127,7 +127,7 @@ def merge_regions(
 
     Notes
     -----
-    A connected component of the mesh that is smaller than ``min_area`` has no neighbour and remains a region.
+    A connected component of the mesh that is smaller than ``min_area`` has no neighbour and remains a region here.
 
     Examples
     --------

@@ -65,6 +65,8 @@ class RobustSegmentation(Segmentation):
     repaired : Repaired
         the mesh that was measured: ``kernel``, ``spectrum`` and ``walk`` refer to its vertices, of which the first n
         are those of the mesh
+    source : (n,) int array
+        the vertex whose label each vertex has: itself, unless it is on a speck
     options : Options
     """
 
@@ -72,6 +74,7 @@ class RobustSegmentation(Segmentation):
     requested_time: float = field(kw_only=True)
     merging: Merging = field(kw_only=True)
     repaired: Repaired = field(kw_only=True)
+    source: NDArray[np.int64] = field(kw_only=True)
     options: Options = field(kw_only=True)
 
     @cached_property
@@ -81,10 +84,10 @@ class RobustSegmentation(Segmentation):
         The smallest of the margins of all decisions that lead to the label: of the walk and of the dissipator test, see
         `heatwalk.confidence`, and of those about joining its region.
         """
-        n_vertices, of_repaired = len(self.labels), self.merging.of_region[self.walk.labels]
-        of_walk = np.minimum(walk_margin(self.kernel, self.walk, of_repaired), self.merging.margin[self.walk.labels])
+        joined = self.merging.of_region[self.walk.labels]
+        of_walk = np.minimum(walk_margin(self.kernel, self.walk, joined), self.merging.margin[self.walk.labels])
         of_test = dissipator_margin(self.relative_entropy_excess)
-        return np.where(self.dissipates, of_test, np.minimum(of_test, of_walk[:n_vertices]))
+        return np.where(self.dissipates, of_test, np.minimum(of_test, of_walk[self.source]))
 
     @cached_property
     def divergence_from_uniform(self) -> NDArray[np.float64]:
@@ -133,7 +136,8 @@ def segment_robust(
     - ``repair``: `heatwalk.robust.repair`. Only lengths and angles are measured on the repaired mesh.
     - ``choose_time``: `heatwalk.robust.scale`
     - ``average``: `heatwalk.robust.averaging`. The theorem of the walk holds for the averaged kernel.
-    - ``merge``, ``join_small``: `heatwalk.robust.merging`
+    - ``merge``, ``join_small``: `heatwalk.robust.merging`. A connected component that is too small to be a region takes
+      the label of the nearest vertex of the others.
 
     With all of them off, and sums over vertices, labels are those of `heatwalk.segment`. So ``time`` 1 is 1/6 in
     standard units here, too.
@@ -301,10 +305,10 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
     joined = merging.of_region[walk.labels]
     merging_seconds = stopwatch.lap()
 
-    excess = relative_entropy_excess(kernel, joined, shared.weights, shared.weights)[:n_vertices]
-    exemplars, accumulator_labels = _at_vertices(
-        joined[:n_vertices], merging.exemplars, walk.first_potential[:n_vertices]
-    )
+    excess = relative_entropy_excess(kernel, joined, shared.weights, shared.weights)
+    source = _sources(shared.metric.vertices, joined, spectrum.mass, n_vertices, options)
+    joined, excess = joined[source], excess[source]
+    exemplars, accumulator_labels = _at_vertices(joined, merging.exemplars, walk.first_potential[:n_vertices])
     labels = np.where(excess > 0, len(exemplars), accumulator_labels)
     if shared.split_dissipators:
         labels[excess > 0] += dissipator_pieces(excess > 0, shared.faces)
@@ -337,8 +341,31 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
         requested_time=requested / PAPER_TIME,
         merging=merging,
         repaired=shared.metric,
+        source=source,
         options=options,
     )
+
+
+def _sources(
+    vertices: NDArray[np.float64],
+    labels: NDArray[np.int64],
+    mass: NDArray[np.float64],
+    n_vertices: int,
+    options: Options,
+) -> NDArray[np.int64]:
+    """The vertex whose label each of the first ``n_vertices`` takes: the nearest one not on a speck.
+
+    A speck is a region that is too small and has no neighbour to be joined to: a connected component.
+    """
+    source = np.arange(n_vertices)
+    areas = np.bincount(labels, mass)
+    is_speck = (areas < options.joining["min_area"] * areas.sum())[labels[:n_vertices]]
+    if is_speck.any() and not is_speck.all():
+        from scipy.spatial import KDTree
+
+        others = source[~is_speck]
+        source[is_speck] = others[KDTree(vertices[others]).query(vertices[:n_vertices][is_speck])[1]]
+    return source
 
 
 def _at_vertices(

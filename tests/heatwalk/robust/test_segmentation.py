@@ -123,6 +123,24 @@ def test_the_margin_is_the_smallest_of_walk_joining_and_test(seg):
     assert ((seg.margin >= 0) & (seg.margin <= 1)).all()
 
 
+def test_specks_take_the_label_of_the_nearest_vertex():
+    vertices, faces = beads([1.0, 0.8])
+    tetrahedron = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0], [0, 0, 0.05]])
+    specks = np.vstack([tetrahedron + np.array([1, 0, 1.05]), tetrahedron + np.array([2.8, 0, 0.9])])
+    sides = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    n = len(vertices)
+    alone = heatwalk.segment_robust(vertices, faces)
+    result = heatwalk.segment_robust(np.vstack([vertices, specks]), np.vstack([faces, sides + n, sides + n + 4]))
+    assert (result.n_components, len(result.exemplars)) == (3, 2)
+    assert np.array_equal(result.labels[:n], alone.labels)
+    assert (
+        result.accumulator_labels[n:].tolist() == [alone.accumulator_labels[0]] * 4 + [alone.accumulator_labels[-1]] * 4
+    )
+    nearest = np.linalg.norm(vertices - specks[:, None], axis=2).argmin(axis=1)
+    assert np.array_equal(result.labels[n:], result.labels[nearest])
+    assert np.array_equal(result.margin[n:], result.margin[nearest])
+
+
 def test_each_component_has_regions_of_its_own(cow):
     vertices, faces = cow
     beside = vertices + np.array([0, 0, 2 * np.ptp(vertices[:, 2])])
