@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.kernel import HeatKernel
-
-_TINY = np.finfo(float).tiny
+from heatwalk.numerics.compilation import compiled
+from heatwalk.numerics.triangles import find_root
 
 
 @dataclass(frozen=True)
@@ -140,59 +140,48 @@ def merge_regions(
     >>> merging.margin.round(2)
     array([0.5 , 0.54, 1.  ])
     """
-    n_regions, smallest = len(exemplars), min_area * float(areas.sum())
-    joins = _Joins(exemplars.tolist(), peaks.tolist(), areas.tolist())
-    for a, b, height in zip(*saddles.pairs.T.tolist(), saddles.heights.tolist(), strict=True):
-        low, high = joins.roots(a, b)
-        if low != high and height >= persistence * joins.peak[low]:
-            joins.join(low, high, (height / joins.peak[low] - persistence) / max(1 - persistence, _TINY))
-    for a, b in saddles.pairs.tolist():
-        low, high = joins.roots(a, b)
-        if low != high and (area := min(joins.area[low], joins.area[high])) < smallest:
-            joins.join(low, high, 1 - area / smallest)
-    for a, b, height in zip(*saddles.pairs.T.tolist(), saddles.heights.tolist(), strict=True):
-        low, high = joins.roots(a, b)
-        if low != high:
-            joins.limit(low, 1 - height / (persistence * joins.peak[low]))
-            joins.limit(low, 1 - smallest / joins.area[low])
-    roots = np.array([joins.root(region) for region in range(n_regions)])
+    from heatwalk.confidence import least_on_path
+
+    roots, targets, margins = _join(
+        saddles.pairs, saddles.heights, exemplars, peaks, areas, float(persistence), min_area * float(areas.sum())
+    )
     joined = np.sort(exemplars[np.unique(roots)])
-    return Merging(np.searchsorted(joined, exemplars[roots]), joined, joins.margins())
+    return Merging(np.searchsorted(joined, exemplars[roots]), joined, least_on_path(margins, targets))
 
 
-class _Joins:
-    """A forest of regions, each joined to one of a higher peak."""
-
-    def __init__(self, exemplars: list[int], peaks: list[float], areas: list[float]) -> None:
-        self.exemplar, self.peak, self.area = exemplars, peaks, areas  # of a root: those of its tree
-        self._target = list(range(len(peaks)))
-        self._shortcut = list(range(len(peaks)))
-        self._margin = [1.0] * len(peaks)
-
-    def root(self, region: int) -> int:
-        """The region of the highest peak among those joined."""
-        while self._shortcut[region] != region:
-            self._shortcut[region] = self._shortcut[self._shortcut[region]]
-            region = self._shortcut[region]
-        return region
-
-    def roots(self, a: int, b: int) -> tuple[int, int]:
-        """The roots of two regions, that of the lower peak first; of equal ones, that of the larger exemplar."""
-        a, b = self.root(a), self.root(b)
-        return (a, b) if (self.peak[a], -self.exemplar[a]) <= (self.peak[b], -self.exemplar[b]) else (b, a)
-
-    def join(self, low: int, high: int, margin: float) -> None:
-        """Join one root to another."""
-        self._target[low] = self._shortcut[low] = high
-        self.area[high] += self.area[low]
-        self.limit(low, margin)
-
-    def limit(self, region: int, margin: float) -> None:
-        """Lower the margin of a region, and of those joined to it, to a value in [0, 1]."""
-        self._margin[region] = min(self._margin[region], max(margin, 0.0), 1.0)
-
-    def margins(self) -> NDArray[np.float64]:
-        """The smallest margin on the way from each region to its root."""
-        from heatwalk.confidence import least_on_path
-
-        return least_on_path(np.array(self._margin), np.array(self._target))
+@compiled
+def _join(
+    pairs: NDArray[np.int64],
+    heights: NDArray[np.float64],
+    exemplars: NDArray[np.int64],
+    peaks: NDArray[np.float64],
+    areas: NDArray[np.float64],
+    persistence: float,
+    smallest: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """The root of each region, the region that it was joined to, and the margin of its own join or of none."""
+    n_regions = len(exemplars)
+    target, shortcut, margin, area = np.arange(n_regions), np.arange(n_regions), np.ones(n_regions), areas.copy()
+    for stage in range(3):  # by persistence, by area, and what keeps the rest apart
+        for p in range(len(pairs)):
+            low, high = find_root(shortcut, pairs[p, 0]), find_root(shortcut, pairs[p, 1])
+            if low == high:
+                continue
+            if peaks[low] > peaks[high] or (peaks[low] == peaks[high] and exemplars[low] < exemplars[high]):
+                low, high = high, low
+            share, size = heights[p] / peaks[low], min(area[low], area[high])
+            if stage == 0:
+                joins, of_join = share >= persistence, (share - persistence) / max(1 - persistence, 1e-300)
+            elif stage == 1:
+                joins, of_join = size < smallest, 1 - size / max(smallest, 1e-300)
+            else:
+                joins, of_join = False, min(1 - share / persistence, 1 - smallest / area[low])
+            if joins:
+                target[low] = shortcut[low] = high
+                area[high] += area[low]
+            if joins or stage == 2:
+                margin[low] = min(margin[low], max(of_join, 0.0))
+    roots = np.empty(n_regions, dtype=np.int64)
+    for region in range(n_regions):
+        roots[region] = find_root(shortcut, region)
+    return roots, target, margin

@@ -34,7 +34,7 @@ def test_regions_are_those_joined_one_pair_at_a_time(seed, persistence, min_area
     rng = np.random.default_rng(seed)
     n = rng.integers(2, 10)
     peaks, areas = 1 + rng.random(n), rng.random(n)
-    pairs = np.array([(a, b) for a in range(n) for b in range(a + 1, n) if rng.random() < 0.6]).reshape(-1, 2)
+    pairs = np.array([(a, b) for a in range(n) for b in range(a + 1, n) if rng.random() < 0.6], int).reshape(-1, 2)
     heights = np.array([min(peaks[a], peaks[b]) * rng.random() ** 0.3 for a, b in pairs])
     order = np.argsort(-heights, kind="stable")
     saddles = Saddles(pairs[order], heights[order])
