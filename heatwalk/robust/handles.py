@@ -1,9 +1,9 @@
 """Thin handles cut: bridges that join parts far from each other along the surface, where a scanner fused them.
 
 A handle is thin if the shape around it is much larger than it is itself. That shows in the shortest loop around it. At
-the end of a handle the surface turns outwards, by 2π in all (Gauss-Bonnet): the angles around the vertices exceed those
-of a flat surface by so much. The handle of a cup has rounded ends away from its waist, and its shortest loop has next to
-no excess; a tube between two limbs, a strip or two fingers that touch are nothing but ends. So a handle is cut if
+the end of a handle the surface turns outwards, by 2π in all (Gauss-Bonnet): the angles around the vertices exceed
+those of a flat surface by so much. The handle of a cup has rounded ends away from its waist, and its shortest loop has
+next to no excess; a tube between two limbs, a strip or two fingers that touch are nothing but ends. So it is cut if
 
     its shortest loop is short against the shape, up to a share of the square root of the area, and
     the excess of angles on it and within an eighth of its length is more than half of 2π.
@@ -20,8 +20,8 @@ How many edges the loop has plays no role.
             cut along the loop, so that the smaller shore has copies of its vertices
             remove the faces at the copies, which are all of a tube without vertices of its own; fill what is opened
 
-It cannot be told apart from a real handle what is tessellated like one: a tube longer than wide with rings of vertices
-of its own looks like the rung of a chair, and stays. Parts that are welded along a patch have edges of more than two
+What is shaped like a real handle cannot be told apart from one: a tube longer than wide that has rings of vertices of
+its own, and is narrowest there, looks like the rung of a chair, and stays. Parts that are welded along a patch have edges of more than two
 faces, and are left alone too.
 
 References
@@ -99,10 +99,10 @@ def _part_contacts(
     open_at = np.zeros(n, np.bool_)
     sides = np.flatnonzero(partner < 0)
     open_at[faces[sides // 3, sides % 3]] = open_at[faces[sides // 3, (sides + 1) % 3]] = True
-    faces, origin = split_fans(faces, partner, n, areas(vertices, faces), ~open_at)
+    parted, origin = split_fans(faces, partner, n, areas(vertices, faces), ~open_at)
     if len(origin) == n:
         return vertices, faces, 0
-    vertices = vertices[origin]
+    vertices, faces = vertices[origin], parted
     spike = np.zeros(len(origin), np.bool_)
     for copy in range(n, len(origin)):
         fan = faces[(faces == copy).any(axis=1)]

@@ -58,7 +58,7 @@ def rim(faces):
 
 
 def with_tube(mesh, start, end, n_sides, rings=0):
-    """A tube of so many sides, with rings of vertices of its own, between two vertices."""
+    """A tube of so many sides between two vertices, with narrower rings of vertices of its own."""
     a, b = patch_around(mesh, start, n_sides), patch_around(mesh, end, n_sides)
     first, last = rim(mesh.faces[a]), rim(mesh.faces[b])[::-1]
     vertices, faces = arrays(mesh)
@@ -67,7 +67,8 @@ def with_tube(mesh, start, end, n_sides, rings=0):
     layers = [np.array(first)]
     for share in np.arange(1, rings + 1) / (rings + 1):
         layers.append(len(vertices) + np.arange(n_sides))
-        vertices = np.concatenate([vertices, (1 - share) * vertices[first] + share * vertices[last]])
+        ring = (1 - share) * vertices[first] + share * vertices[last]
+        vertices = np.concatenate([vertices, ring.mean(axis=0) + 0.7 * (ring - ring.mean(axis=0))])
     layers.append(last)
     tube = []
     for low, high in pairwise(layers):

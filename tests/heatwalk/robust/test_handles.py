@@ -72,7 +72,7 @@ def test_real_handles_stay():
         assert genus(vertices, faces) == 1
         result = cut_thin_handles(vertices, faces, **LIMITS)
         assert result[2:] == (0, 0)
-        assert result[1] is faces
+        assert np.array_equal(result[1], faces)
 
 
 def test_a_thin_tube_with_rings_of_its_own_stays_like_the_rung_of_a_chair(fine, places):
@@ -171,7 +171,7 @@ def test_two_balls_that_touch_in_a_vertex_are_parted():
     ball = trimesh.creation.icosphere(2)
     vertices, faces = arrays(trimesh.util.concatenate([ball, ball.copy().apply_scale(0.5)]))
     first, second = 0, len(ball.vertices) + 5
-    vertices[len(ball.vertices) :] += vertices[first] * 1.5
+    vertices[len(ball.vertices) :] += vertices[first] - vertices[second]
     faces[faces == second] = first
     new_vertices, new_faces, n_cut, n_parted = cut_thin_handles(vertices, faces, **LIMITS)
     assert (n_cut, n_parted) == (0, 1)
