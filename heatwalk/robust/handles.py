@@ -21,8 +21,8 @@ How many edges the loop has plays no role.
             remove the faces at the copies, which are all of a tube without vertices of its own; fill what is opened
 
 What is shaped like a real handle cannot be told apart from one: a tube longer than wide that has rings of vertices of
-its own, and is narrowest there, looks like the rung of a chair, and stays. Parts that are welded along a patch have edges of more than two
-faces, and are left alone too.
+its own, and is narrowest there, looks like the rung of a chair, and stays. Parts that are welded along a patch have
+edges of more than two faces, and are left alone too.
 
 References
 ----------
