@@ -1,9 +1,9 @@
 """Noise taken from a surface, as much as there is of it.
 
-Noise makes a surface rough: it lengthens the ways of heat and inflates the area, and with it the scale of time. But what
-smooths noise also shrinks limbs, the more the coarser they are sampled, so that a smoothed mesh and a smoothed coarser
-mesh of the same shape differ more than the meshes themselves. So the strength follows from the noise that is measured,
-and the filter leaves what is larger than a few edges where it is.
+Noise makes a surface rough: it lengthens the ways of heat and inflates the area, and with it the scale of time. But
+what smooths noise also shrinks limbs, the more the coarser they are sampled, so that a smoothed mesh and a smoothed
+coarser mesh of the same shape differ more than the meshes themselves. So the strength follows from the noise that is
+measured, and the filter leaves what is larger than a few edges where it is.
 
     P    = averaging: each vertex is replaced by the mean of itself and the mean of its neighbours
     rms  = root mean square of the component of (I - N)² V along the normal, N = 2 P - I, over the mean edge length
@@ -12,9 +12,9 @@ and the filter leaves what is larger than a few edges where it is.
     while area(V') exceeds area(V' with 2 m) by more than a share: m = 2 m
 
 White noise of σ edge lengths has an rms of about 1.3 σ, clean benchmark meshes have up to .1, and such with a tenth of
-their triangles .16: rounding makes that no sweep or a single one. The filter V - (I - P^m)³ V is P^m twice mended by the
-smoothed residual: a mode that P^m leaves as 1 - ε, it leaves as 1 - ε³. Whether an edge is long or short plays no role
-for what it leaves in place.
+their triangles .16: rounding makes that no sweep or a single one. The filter V - (I - P^m)³ V is P^m twice mended by
+the smoothed residual: a mode that P^m leaves as 1 - ε, it leaves as 1 - ε³. Whether an edge is long or short plays no
+role for what it leaves in place.
 
 An implicit step over a fixed share of the surface, with the umbrella operator or with cotangents and masses, is as good
 against noise, but worse than nothing under decimation and uneven sampling: thin limbs collapse, each time differently.

@@ -1,9 +1,9 @@
 """Thin handles cut: bridges that join parts far from each other along the surface, where a scanner fused them.
 
 A handle is thin if the shape around it is much larger than it is itself. That shows in the shortest loop around it. At
-the end of a handle the surface turns outwards, by 2π in all (Gauss-Bonnet): the angles around the vertices exceed those
-of a flat surface by so much. The handle of a cup has rounded ends away from its waist, and its shortest loop has next to
-no excess; a tube between two limbs, a strip or two fingers that touch are nothing but ends. So a handle is cut if
+the end of a handle the surface turns outwards, by 2π in all (Gauss-Bonnet): the angles around the vertices exceed
+those of a flat surface by so much. The handle of a cup has rounded ends away from its waist, and its shortest loop has
+next to no excess; a tube between two limbs, a strip or two fingers that touch are nothing but ends. So it is cut if
 
     its shortest loop is short against the shape, up to a share of the square root of the area, and
     the excess of angles on it and within an eighth of its length is more than half of 2π.
@@ -17,13 +17,12 @@ How many edges the loop has plays no role.
             words of the edges: a closed loop separates exactly if the XOR of its words is 0        `signatures`
             the shortest non-separating loop through each vertex where one can pass                 `_shortest_loops`
         for each class of loops (equal words), the one of the shortest loop first, unless it is cut already:
-            if two disjoint loops of the class bound a tube without any other vertex: remove the tube
-            otherwise cut along the shortest loop
-            fill what is opened
+            cut along the loop, so that the smaller shore has copies of its vertices
+            remove the faces at the copies, which are all of a tube without vertices of its own; fill what is opened
 
-It cannot be told apart from a real handle what is tessellated like one: a tube longer than wide with rings of vertices
-of its own looks like the rung of a chair, and stays. Parts that are welded along a patch have edges of more than two
-faces, and are left alone too.
+What is shaped like a real handle cannot be told apart from one: a tube longer than wide that has rings of vertices of
+its own, and is narrowest there, looks like the rung of a chair, and stays. Parts that are welded along a patch have
+edges of more than two faces, and are left alone too.
 
 References
 ----------
@@ -38,12 +37,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.numerics.compilation import compiled
 from heatwalk.laplacian import vertex_components
+from heatwalk.numerics.compilation import compiled
 from heatwalk.numerics.triangles import areas
 from heatwalk.robust.half_edges import BOUNDARY, NON_MANIFOLD, head, partners, tail
 from heatwalk.robust.holes import Loops, boundary_loops, fill
-
 
 # Rounds of cutting: loops that share a vertex with one that is cut have to wait for the next.
 MAX_ROUNDS = 12
@@ -101,10 +99,10 @@ def _part_contacts(
     open_at = np.zeros(n, np.bool_)
     sides = np.flatnonzero(partner < 0)
     open_at[faces[sides // 3, sides % 3]] = open_at[faces[sides // 3, (sides + 1) % 3]] = True
-    faces, origin = split_fans(faces, partner, n, areas(vertices, faces), ~open_at)
+    parted, origin = split_fans(faces, partner, n, areas(vertices, faces), ~open_at)
     if len(origin) == n:
         return vertices, faces, 0
-    vertices = vertices[origin]
+    vertices, faces = vertices[origin], parted
     spike = np.zeros(len(origin), np.bool_)
     for copy in range(n, len(origin)):
         fan = faces[(faces == copy).any(axis=1)]
@@ -161,38 +159,29 @@ def _cut(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
     """Cut disjoint loops of independent classes, and fill what is opened; also the number of handles cut."""
     n = len(vertices)
-    taken, on_loop = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    at_cut = np.zeros(n, np.bool_)
     basis: list[int] = []
-    edges, tubes, n_cut = [], [], 0
+    edges = []
     for i in range(len(loops)):
         loop, rest = loops[i], _reduced(int(words[i]), basis)
-        if rest == 0 or taken[loop].any() or len(np.unique(loop)) < len(loop):
-            continue
-        basis.append(rest)
-        n_cut += 1
-        tube = None
-        for j in np.flatnonzero(words == words[i]).tolist():
-            end = loops[j]
-            if j != i and not taken[end].any() and not np.isin(end, loop).any():
-                tube = _tube_between(faces, loop, end)
-                if tube is not None:
-                    tubes.append(tube)
-                    taken[end] = on_loop[end] = True
-                    break
-        if tube is None:
+        if rest != 0 and not at_cut[loop].any() and len(np.unique(loop)) == len(loop):
+            basis.append(rest)
             edges.append(np.column_stack([loop, np.roll(loop, -1)]))
-        taken[loop] = on_loop[loop] = True
-    faces = np.delete(faces, np.concatenate([np.empty(0, np.int64), *tubes]), axis=0)
-    if edges:
-        partner = partners(faces, n)
-        cut = np.sort(np.concatenate(edges), axis=1)
-        a, b = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-        partner[np.isin(np.minimum(a, b) * n + np.maximum(a, b), cut[:, 0] * n + cut[:, 1])] = BOUNDARY
-        at_cut = np.zeros(n, np.bool_)
-        at_cut[cut] = True
-        faces, origin = split_fans(faces, partner, n, areas(vertices, faces), at_cut)
-        vertices, on_loop = vertices[origin], on_loop[origin]
-    return (*_fill_loops_among(vertices, faces, on_loop), n_cut)
+            at_cut[loop] = True
+    partner = partners(faces, n)
+    cut = np.sort(np.concatenate(edges), axis=1)
+    a, b = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    partner[np.isin(np.minimum(a, b) * n + np.maximum(a, b), cut[:, 0] * n + cut[:, 1])] = BOUNDARY
+    faces, origin = split_fans(faces, partner, n, areas(vertices, faces), at_cut)
+    # Copies have no label: the faces at them can go, and with them what is left of a tube without vertices of its own.
+    gone = (faces >= n).any(axis=1)
+    bare = np.ones(len(origin), np.bool_)
+    bare[faces[~gone]] = False
+    bare[n:] = False
+    gone &= ~bare[faces].any(axis=1)
+    opened = at_cut[origin]
+    opened[faces[gone]] = True
+    return (*_fill_loops_among(vertices[origin], faces[~gone], opened), len(edges))
 
 
 def _reduced(word: int, basis: list[int]) -> int:
@@ -200,23 +189,6 @@ def _reduced(word: int, basis: list[int]) -> int:
     for other in basis:
         word = min(word, word ^ other)
     return word
-
-
-def _tube_between(
-    faces: NDArray[np.int64], loop: NDArray[np.int64], end: NDArray[np.int64]
-) -> NDArray[np.int64] | None:
-    """The faces of the tube between two loops if it has no other vertex; else None."""
-    within = np.flatnonzero(np.isin(faces, np.concatenate([loop, end])).all(axis=1))
-    corners = faces[within]
-    from_both = np.isin(corners, loop).any(axis=1) & np.isin(corners, end).any(axis=1)
-    within, corners = within[from_both], corners[from_both]
-    if len(within) != len(loop) + len(end):
-        return None
-    sides = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    sides, count = np.unique(sides, axis=0, return_counts=True)
-    rims = np.concatenate([np.column_stack([ring, np.roll(ring, -1)]) for ring in (loop, end)])
-    is_tube = count.max() == 2 and np.array_equal(np.unique(np.sort(rims, axis=1), axis=0), sides[count == 1])
-    return within if is_tube else None
 
 
 def _angle_excess(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -302,7 +274,7 @@ def split_fans(
 
 @dataclass(frozen=True)
 class ClosedCopy:
-    """A closed manifold for looking for loops: the surface without the faces at non-manifold edges, holes closed by cones.
+    """A closed manifold for looking for loops: without the faces at non-manifold edges, with cones over the holes.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ from heatwalk.robust.half_edges import BOUNDARY, adjacency, head, other_side, pa
 # Cost of the square of the length of a new edge, relative to that of area.
 CHORD_COST = 0.02
 
-# Outlines of more edges are filled by a fan around their centre: the time of the best triangulation grows with the cube.
+# Outlines of more edges are filled by a fan around their centre: the time of the triangulation grows with the cube.
 MAX_TRIANGULATED = 150
 
 

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from heatwalk.meshes import repeats_earlier_face
 from heatwalk.robust.fairing import fair
-from heatwalk.robust.handles import cut_thin_handles
 from heatwalk.robust.half_edges import NON_MANIFOLD, adjacency, partners
+from heatwalk.robust.handles import cut_thin_handles
 from heatwalk.robust.holes import fill_small_holes
 from heatwalk.robust.spikes import remove_spikes
 
@@ -70,8 +71,10 @@ class Repaired:
     vertices : (n', 3) float array
         the n vertices of the mesh, in their order, possibly moved; then those that were added
     faces : (m', 3) int array
-    report : dict
-        what was done, as numbers: ``holes_filled``, ``vertices_moved`` …; ``nonmanifold_edges`` are left as they were
+        of a face that is there several times only the first is left
+    report : dict of str to int
+        ``holes_filled``, ``handles_cut``, ``contacts_parted`` (surfaces that touched in a vertex), ``vertices_moved``
+        (spikes), ``sweeps`` (of the fairing), and ``nonmanifold_edges``, which are left as they are
     """
 
     vertices: NDArray[np.float64]
@@ -107,6 +110,7 @@ def repaired(vertices: NDArray[np.float64], faces: NDArray[np.int64], options: R
     vertices = np.ldexp(vertices, -exponent)
     improper = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     surface = np.ascontiguousarray(faces[~improper], np.int64)
+    surface = surface[~repeats_earlier_face(surface)]
     report: dict[str, Any] = {
         "nonmanifold_edges": _count_nonmanifold_edges(surface, n),
         "holes_filled": 0,
