@@ -99,10 +99,15 @@ def _part_contacts(
     open_at = np.zeros(n, np.bool_)
     sides = np.flatnonzero(partner < 0)
     open_at[faces[sides // 3, sides % 3]] = open_at[faces[sides // 3, (sides + 1) % 3]] = True
-    parted, origin = split_fans(faces, partner, n, areas(vertices, faces), ~open_at)
+    parted, origin = split_fans(faces, partner, n, _corner_angles(vertices, faces), ~open_at)
     if len(origin) == n:
         return vertices, faces, 0
     vertices, faces = vertices[origin], parted
+    # What has no vertex left that it does not share is not needed.
+    component = vertex_components(len(origin), faces)
+    labelled = np.zeros(len(origin), np.bool_)
+    labelled[component[:n]] = True
+    faces = faces[labelled[component[faces[:, 0]]]]
     spike = np.zeros(len(origin), np.bool_)
     for copy in range(n, len(origin)):
         fan = faces[(faces == copy).any(axis=1)]
@@ -134,13 +139,12 @@ def _thin_loops(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], max_length: float, min_excess: float
 ) -> tuple[Loops, NDArray[np.uint64]] | None:
     """Loops of vertices around thin handles, the shortest first, and their words; None if there are none."""
-    area = areas(vertices, faces)
-    closed = closed_copy(faces, len(vertices), area)
+    closed = closed_copy(faces, len(vertices))
     if closed.genus == 0:
         return None
     word = signatures(closed.faces, closed.partner, len(closed.origin))
     graph = _edges_around(closed.faces, closed.partner, word, vertices, closed.origin)
-    starts, members, lengths, words = _shortest_loops(*graph, max_length * np.sqrt(area.sum()))
+    starts, members, lengths, words = _shortest_loops(*graph, max_length * np.sqrt(areas(vertices, faces).sum()))
     excess = _angle_excess(vertices[np.maximum(closed.origin, 0)], closed.faces[: len(closed.face)])
     around = _sum_within(*graph[:3], excess, starts, members, NEIGHBOURHOOD * lengths)
     order = np.argsort(lengths, kind="stable")
@@ -172,7 +176,7 @@ def _cut(
     cut = np.sort(np.concatenate(edges), axis=1)
     a, b = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     partner[np.isin(np.minimum(a, b) * n + np.maximum(a, b), cut[:, 0] * n + cut[:, 1])] = BOUNDARY
-    faces, origin = split_fans(faces, partner, n, areas(vertices, faces), at_cut)
+    faces, origin = split_fans(faces, partner, n, _corner_angles(vertices, faces), at_cut)
     # Copies have no label: the faces at them can go, and with them what is left of a tube without vertices of its own.
     gone = (faces >= n).any(axis=1)
     bare = np.ones(len(origin), np.bool_)
@@ -193,13 +197,17 @@ def _reduced(word: int, basis: list[int]) -> int:
 
 def _angle_excess(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
     """Sum of the angles around each vertex minus 2π: (n,) float array."""
-    total = np.full(len(vertices), -2 * np.pi)
+    return np.bincount(faces.ravel(), _corner_angles(vertices, faces), len(vertices)) - 2 * np.pi
+
+
+def _corner_angles(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Angle of each corner of each face: (3 m,) float array."""
+    angles = np.empty(faces.shape)
     for i in range(3):
         a, b, c = (vertices[faces[:, (i + k) % 3]] for k in range(3))
         u, v = b - a, c - a
-        angle = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
-        total += np.bincount(faces[:, i], angle, len(vertices))
-    return total
+        angles[:, i] = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
+    return angles.ravel()
 
 
 @compiled
@@ -237,17 +245,18 @@ def split_fans(
     faces: NDArray[np.int64],
     partner: NDArray[np.int64],
     n_vertices: int,
-    area: NDArray[np.float64],
+    angle: NDArray[np.float64],
     allowed: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Give each fan of faces around a vertex a vertex of its own: the fan of largest area keeps the vertex.
+    """Give each fan of faces around a vertex a vertex of its own: the fan of the largest angle keeps the vertex.
 
     Parameters
     ----------
     faces : (m, 3) int array
     partner : (3 m,) int array
     n_vertices : int
-    area : (m,) float array
+    angle : (3 m,) float array
+        of each corner
     allowed : (n_vertices,) bool array, optional
         the vertices that are split; all by default
 
@@ -261,7 +270,7 @@ def split_fans(
     fan = fan_of_corners(faces, partner)
     fans, of_corner = np.unique(fan, return_inverse=True)
     vertex = faces.ravel()[fans]
-    order = np.lexsort((fans, -np.bincount(of_corner, np.repeat(area, 3)), vertex))
+    order = np.lexsort((fans, -np.bincount(of_corner, angle), vertex))
     first = np.ones(len(fans), np.bool_)
     first[1:] = vertex[order[1:]] != vertex[order[:-1]]
     if allowed is not None:
@@ -301,13 +310,13 @@ class ClosedCopy:
         return n_components - euler // 2
 
 
-def closed_copy(faces: NDArray[np.int64], n_vertices: int, area: NDArray[np.float64]) -> ClosedCopy:
+def closed_copy(faces: NDArray[np.int64], n_vertices: int) -> ClosedCopy:
     """Make the closed copy of a surface."""
     partner = partners(faces, n_vertices)
     face = np.flatnonzero((partner != NON_MANIFOLD).reshape(-1, 3).all(axis=1))
     if len(face) < len(faces):
         partner = partners(faces[face], n_vertices)
-    copy, origin = split_fans(faces[face], partner, n_vertices, area[face])
+    copy, origin = split_fans(faces[face], partner, n_vertices, np.ones(3 * len(face)))
     loops = boundary_loops(copy, len(origin)) if (partner < 0).any() else None
     if loops is not None and len(loops):
         sizes = np.diff(loops.starts)
