@@ -10,7 +10,7 @@ next to no excess; a tube between two limbs, a strip or two fingers that touch a
 
 How many edges the loop has plays no role.
 
-    part the surfaces that touch in a single vertex, and remove the spike that a triangle between two parts leaves
+    remove spikes whose tips touch the surface in a vertex: what a single triangle between two parts is, once filled
     repeat while something is cut:
         on a copy whose holes are closed by cones, without faces at edges of more than two faces:
             none has to be sought if the Euler characteristic says genus 0
@@ -50,14 +50,14 @@ MAX_ROUNDS = 12
 # benchmark's real handles have up to 3.5 (1.1 of those up to `max_length`); tubes, touching fingers and the like 4.7.
 NEIGHBOURHOOD = 1 / 8
 
-# A spike that is left where two surfaces touched is removed if it is longer than this, in perimeters of its base.
+# A spike that touches the surface with its tip is removed if it is longer than this, in perimeters of its base.
 MIN_SPIKE = 0.5
 
 
 def cut_thin_handles(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], max_length: float, min_excess: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], int, int]:
-    """Cut thin handles and part surfaces that touch in a vertex.
+    """Cut thin handles, and spikes that touch the surface with their tips.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def cut_thin_handles(
     n_cut : int
         handles cut
     n_parted : int
-        contacts in a vertex parted
+        spikes removed
     """
     vertices, faces, n_parted = _part_contacts(vertices, faces)
     n_cut = 0
@@ -93,7 +93,10 @@ def cut_thin_handles(
 def _part_contacts(
     vertices: NDArray[np.float64], faces: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
-    """Give closed fans of faces that meet in a vertex vertices of their own, and remove those that are spikes."""
+    """Remove spikes whose tips touch the surface elsewhere, in a vertex alone.
+
+    Other contacts in a vertex stay: they conduct next to nothing, and keep small pieces with what they belong to.
+    """
     n = len(vertices)
     partner = partners(faces, n)
     open_at = np.zeros(n, np.bool_)
@@ -102,27 +105,19 @@ def _part_contacts(
     parted, origin = split_fans(faces, partner, n, _corner_angles(vertices, faces), ~open_at)
     if len(origin) == n:
         return vertices, faces, 0
-    vertices, faces = vertices[origin], parted
-    # What has no vertex left that it does not share is not needed.
-    component = vertex_components(len(origin), faces)
-    labelled = np.zeros(len(origin), np.bool_)
-    labelled[component[:n]] = True
-    faces = faces[labelled[component[faces[:, 0]]]]
+    vertices = vertices[origin]
+    at_copies = parted[(parted >= n).any(axis=1)]
     spike = np.zeros(len(origin), np.bool_)
     for copy in range(n, len(origin)):
-        fan = faces[(faces == copy).any(axis=1)]
+        fan = at_copies[(at_copies == copy).any(axis=1)]
         base = fan[fan != copy].reshape(-1, 2)
         perimeter = np.linalg.norm(vertices[base[:, 0]] - vertices[base[:, 1]], axis=1).sum()
         height = np.linalg.norm(vertices[copy] - vertices[base].mean(axis=(0, 1)))
         spike[copy] = (base < n).all() and height > MIN_SPIKE * perimeter
-    gone = spike[faces].any(axis=1)
-    if gone.any():
-        rims = np.unique(faces[gone])
-        faces = faces[~gone]
-        rim = np.zeros(len(origin), np.bool_)
-        rim[rims] = True
-        vertices, faces = _fill_loops_among(vertices, faces, rim)
-    return vertices, faces, len(origin) - n
+    gone = spike[parted].any(axis=1)
+    rim = np.zeros(n, np.bool_)
+    rim[origin[parted[gone]]] = True
+    return (*_fill_loops_among(vertices[:n], origin[parted[~gone]], rim), int(np.count_nonzero(spike)))
 
 
 def _fill_loops_among(
