@@ -10,7 +10,7 @@ next to no excess; a tube between two limbs, a strip or two fingers that touch a
 
 How many edges the loop has plays no role.
 
-    part the surfaces that touch in a single vertex, and remove the spike that a triangle between two parts leaves
+    remove spikes whose tips touch the surface in a vertex: what a single triangle between two parts is, once filled
     repeat while something is cut:
         on a copy whose holes are closed by cones, without faces at edges of more than two faces:
             none has to be sought if the Euler characteristic says genus 0
@@ -50,14 +50,14 @@ MAX_ROUNDS = 12
 # benchmark's real handles have up to 3.5 (1.1 of those up to `max_length`); tubes, touching fingers and the like 4.7.
 NEIGHBOURHOOD = 1 / 8
 
-# A spike that is left where two surfaces touched is removed if it is longer than this, in perimeters of its base.
+# A spike that touches the surface with its tip is removed if it is longer than this, in perimeters of its base.
 MIN_SPIKE = 0.5
 
 
 def cut_thin_handles(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], max_length: float, min_excess: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], int, int]:
-    """Cut thin handles and part surfaces that touch in a vertex.
+    """Cut thin handles, and spikes that touch the surface with their tips.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def cut_thin_handles(
     n_cut : int
         handles cut
     n_parted : int
-        contacts in a vertex parted
+        spikes removed
     """
     vertices, faces, n_parted = _part_contacts(vertices, faces)
     n_cut = 0
@@ -93,31 +93,31 @@ def cut_thin_handles(
 def _part_contacts(
     vertices: NDArray[np.float64], faces: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
-    """Give closed fans of faces that meet in a vertex vertices of their own, and remove those that are spikes."""
+    """Remove spikes whose tips touch the surface elsewhere, in a vertex alone.
+
+    Other contacts in a vertex stay: they conduct next to nothing, and keep small pieces with what they belong to.
+    """
     n = len(vertices)
     partner = partners(faces, n)
     open_at = np.zeros(n, np.bool_)
     sides = np.flatnonzero(partner < 0)
     open_at[faces[sides // 3, sides % 3]] = open_at[faces[sides // 3, (sides + 1) % 3]] = True
-    parted, origin = split_fans(faces, partner, n, areas(vertices, faces), ~open_at)
+    parted, origin = split_fans(faces, partner, n, _corner_angles(vertices, faces), ~open_at)
     if len(origin) == n:
         return vertices, faces, 0
-    vertices, faces = vertices[origin], parted
+    vertices = vertices[origin]
+    at_copies = parted[(parted >= n).any(axis=1)]
     spike = np.zeros(len(origin), np.bool_)
     for copy in range(n, len(origin)):
-        fan = faces[(faces == copy).any(axis=1)]
+        fan = at_copies[(at_copies == copy).any(axis=1)]
         base = fan[fan != copy].reshape(-1, 2)
         perimeter = np.linalg.norm(vertices[base[:, 0]] - vertices[base[:, 1]], axis=1).sum()
         height = np.linalg.norm(vertices[copy] - vertices[base].mean(axis=(0, 1)))
         spike[copy] = (base < n).all() and height > MIN_SPIKE * perimeter
-    gone = spike[faces].any(axis=1)
-    if gone.any():
-        rims = np.unique(faces[gone])
-        faces = faces[~gone]
-        rim = np.zeros(len(origin), np.bool_)
-        rim[rims] = True
-        vertices, faces = _fill_loops_among(vertices, faces, rim)
-    return vertices, faces, len(origin) - n
+    gone = spike[parted].any(axis=1)
+    rim = np.zeros(n, np.bool_)
+    rim[origin[parted[gone]]] = True
+    return (*_fill_loops_among(vertices[:n], origin[parted[~gone]], rim), int(np.count_nonzero(spike)))
 
 
 def _fill_loops_among(
@@ -134,13 +134,12 @@ def _thin_loops(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], max_length: float, min_excess: float
 ) -> tuple[Loops, NDArray[np.uint64]] | None:
     """Loops of vertices around thin handles, the shortest first, and their words; None if there are none."""
-    area = areas(vertices, faces)
-    closed = closed_copy(faces, len(vertices), area)
+    closed = closed_copy(faces, len(vertices))
     if closed.genus == 0:
         return None
     word = signatures(closed.faces, closed.partner, len(closed.origin))
     graph = _edges_around(closed.faces, closed.partner, word, vertices, closed.origin)
-    starts, members, lengths, words = _shortest_loops(*graph, max_length * np.sqrt(area.sum()))
+    starts, members, lengths, words = _shortest_loops(*graph, max_length * np.sqrt(areas(vertices, faces).sum()))
     excess = _angle_excess(vertices[np.maximum(closed.origin, 0)], closed.faces[: len(closed.face)])
     around = _sum_within(*graph[:3], excess, starts, members, NEIGHBOURHOOD * lengths)
     order = np.argsort(lengths, kind="stable")
@@ -172,7 +171,7 @@ def _cut(
     cut = np.sort(np.concatenate(edges), axis=1)
     a, b = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     partner[np.isin(np.minimum(a, b) * n + np.maximum(a, b), cut[:, 0] * n + cut[:, 1])] = BOUNDARY
-    faces, origin = split_fans(faces, partner, n, areas(vertices, faces), at_cut)
+    faces, origin = split_fans(faces, partner, n, _corner_angles(vertices, faces), at_cut)
     # Copies have no label: the faces at them can go, and with them what is left of a tube without vertices of its own.
     gone = (faces >= n).any(axis=1)
     bare = np.ones(len(origin), np.bool_)
@@ -193,13 +192,17 @@ def _reduced(word: int, basis: list[int]) -> int:
 
 def _angle_excess(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
     """Sum of the angles around each vertex minus 2π: (n,) float array."""
-    total = np.full(len(vertices), -2 * np.pi)
+    return np.bincount(faces.ravel(), _corner_angles(vertices, faces), len(vertices)) - 2 * np.pi
+
+
+def _corner_angles(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Angle of each corner of each face: (3 m,) float array."""
+    angles = np.empty(faces.shape)
     for i in range(3):
         a, b, c = (vertices[faces[:, (i + k) % 3]] for k in range(3))
         u, v = b - a, c - a
-        angle = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
-        total += np.bincount(faces[:, i], angle, len(vertices))
-    return total
+        angles[:, i] = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
+    return angles.ravel()
 
 
 @compiled
@@ -237,17 +240,18 @@ def split_fans(
     faces: NDArray[np.int64],
     partner: NDArray[np.int64],
     n_vertices: int,
-    area: NDArray[np.float64],
+    angle: NDArray[np.float64],
     allowed: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Give each fan of faces around a vertex a vertex of its own: the fan of largest area keeps the vertex.
+    """Give each fan of faces around a vertex a vertex of its own: the fan of the largest angle keeps the vertex.
 
     Parameters
     ----------
     faces : (m, 3) int array
     partner : (3 m,) int array
     n_vertices : int
-    area : (m,) float array
+    angle : (3 m,) float array
+        of each corner
     allowed : (n_vertices,) bool array, optional
         the vertices that are split; all by default
 
@@ -261,7 +265,7 @@ def split_fans(
     fan = fan_of_corners(faces, partner)
     fans, of_corner = np.unique(fan, return_inverse=True)
     vertex = faces.ravel()[fans]
-    order = np.lexsort((fans, -np.bincount(of_corner, np.repeat(area, 3)), vertex))
+    order = np.lexsort((fans, -np.bincount(of_corner, angle), vertex))
     first = np.ones(len(fans), np.bool_)
     first[1:] = vertex[order[1:]] != vertex[order[:-1]]
     if allowed is not None:
@@ -301,13 +305,13 @@ class ClosedCopy:
         return n_components - euler // 2
 
 
-def closed_copy(faces: NDArray[np.int64], n_vertices: int, area: NDArray[np.float64]) -> ClosedCopy:
+def closed_copy(faces: NDArray[np.int64], n_vertices: int) -> ClosedCopy:
     """Make the closed copy of a surface."""
     partner = partners(faces, n_vertices)
     face = np.flatnonzero((partner != NON_MANIFOLD).reshape(-1, 3).all(axis=1))
     if len(face) < len(faces):
         partner = partners(faces[face], n_vertices)
-    copy, origin = split_fans(faces[face], partner, n_vertices, area[face])
+    copy, origin = split_fans(faces[face], partner, n_vertices, np.ones(3 * len(face)))
     loops = boundary_loops(copy, len(origin)) if (partner < 0).any() else None
     if loops is not None and len(loops):
         sizes = np.diff(loops.starts)

@@ -9,6 +9,10 @@ meets itself, and each piece is the outline of one hole.
                 fiftieth of the squares of the new edges, so that of two that are equally large, as all triangulations
                 of a flat hole are, the one with the shorter edges is taken; a new edge is never one that the mesh has
 
+Faces that are joined to others in vertices alone, as what is left between removed triangles, would be closed to a
+double layer, and the hole around them as if they were not there: such islands are left out, unless a vertex would
+thereby lose its last face.
+
 Only holes that are small against the shape are filled: an outline of length l can bound at most l² / 4π, the area of a
 disc, and this must be within a share of the area of the surface. So the rims of open surfaces remain as they are.
 
@@ -23,6 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from heatwalk.laplacian import vertex_components
 from heatwalk.numerics.compilation import compiled
 from heatwalk.numerics.triangles import areas
 from heatwalk.robust.half_edges import BOUNDARY, adjacency, head, other_side, partners, tail
@@ -124,6 +129,7 @@ def fill_small_holes(
            [0, 3, 2],
            [1, 2, 3]])
     """
+    faces = _without_islands(vertices, faces, max_share)
     loops = boundary_loops(faces, len(vertices))
     if not len(loops):
         return vertices, faces, 0
@@ -169,6 +175,33 @@ def fill(
         centres.append(vertices[loop].mean(axis=0))
         patches.append(np.column_stack([loop, np.roll(loop, -1), np.full(len(loop), centre)]))
     return np.concatenate([vertices, np.reshape(centres, (-1, 3))]), np.concatenate(patches)
+
+
+def _without_islands(vertices: NDArray[np.float64], faces: NDArray[np.int64], max_share: float) -> NDArray[np.int64]:
+    """The faces without pieces, up to a share of the area, all of whose vertices have faces of other pieces."""
+    partner = partners(faces, len(vertices))
+    joined = np.flatnonzero(partner != BOUNDARY)
+    if len(joined) == len(partner):
+        return faces
+    inner = joined[partner[joined] >= 0]
+    piece = vertex_components(len(faces), np.column_stack([inner // 3, partner[inner] // 3]))
+    area = np.bincount(piece, areas(vertices, faces))
+    # A piece with an edge of more than two faces is no island.
+    area[piece[joined[partner[joined] < 0] // 3]] = np.inf
+    order = np.argsort(piece, kind="stable")
+    bounds = np.searchsorted(piece[order], np.arange(len(area) + 1))
+    n_faces_at = np.bincount(faces.ravel(), minlength=len(vertices))
+    largest = max_share * area[np.isfinite(area)].sum()
+    kept = np.ones(len(faces), np.bool_)
+    for i in np.argsort(area, kind="stable").tolist():
+        if area[i] > largest:
+            break
+        island = order[bounds[i] : bounds[i + 1]]
+        corners, own = np.unique(faces[island], return_counts=True)
+        if (n_faces_at[corners] > own).all():
+            kept[island] = False
+            n_faces_at[corners] -= own
+    return faces[kept]
 
 
 def _shared_edges(patch: NDArray[np.int64], loop: NDArray[np.int64], n_vertices: int) -> NDArray[np.int64]:

@@ -73,7 +73,7 @@ class Repaired:
     faces : (m', 3) int array
         of a face that is there several times only the first is left
     report : dict of str to int
-        ``holes_filled``, ``handles_cut``, ``contacts_parted`` (surfaces that touched in a vertex), ``vertices_moved``
+        ``holes_filled``, ``handles_cut``, ``contacts_parted`` (spikes with their tips on the surface), ``vertices_moved``
         (spikes), ``sweeps`` (of the fairing), and ``nonmanifold_edges``, which are left as they are
     """
 

@@ -56,6 +56,18 @@ def test_a_surface_with_many_holes_is_closed_again_and_where_it_was(share):
     assert is_nearly(mesh, vertices, faces)
 
 
+def test_a_triangle_that_only_touches_others_is_covered_by_the_fill_of_the_hole_around_it():
+    mesh = blob(3)
+    beside = mesh.face_adjacency[(mesh.face_adjacency == 500).any(axis=1)]
+    vertices, faces = arrays(as_trimesh(mesh.vertices, np.delete(mesh.faces, beside[beside != 500], axis=0)))
+    vertices, faces, n_filled = fill_small_holes(vertices, faces, max_share=0.05)
+    assert n_filled == 1
+    filled = as_trimesh(vertices, faces)
+    assert filled.is_watertight
+    assert filled.euler_number == 2
+    assert is_nearly(mesh, vertices, faces)
+
+
 def test_a_single_missing_triangle_is_put_back():
     mesh = blob(2)
     vertices, faces, n_filled = fill_small_holes(*arrays(as_trimesh(mesh.vertices, mesh.faces[1:])), max_share=1.0)
