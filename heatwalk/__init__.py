@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from heatwalk.meshes import MeshReport as MeshReport
     from heatwalk.meshes import check_mesh as check_mesh
     from heatwalk.meshes import inspect_mesh as inspect_mesh
+    from heatwalk.robust.segmentation import segment_robust as segment_robust
     from heatwalk.segmentation import ALGORITHM_VERSION as ALGORITHM_VERSION
     from heatwalk.segmentation import Segmentation as Segmentation
     from heatwalk.segmentation import faces_from_vertices as faces_from_vertices
@@ -51,6 +52,7 @@ _MODULES = {
     "read_mesh": "io.reading",
     "segment": "segmentation",
     "segment_at_times": "segmentation",
+    "segment_robust": "robust.segmentation",
 }
 
 __all__ = list(_MODULES)

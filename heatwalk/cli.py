@@ -15,6 +15,7 @@ from heatwalk import __version__
 
 if TYPE_CHECKING:
     from heatwalk.io import LoadedMesh
+    from heatwalk.robust.segmentation import RobustSegmentation
     from heatwalk.segmentation import Segmentation
 
 # SciPy and numba are imported by the commands that use them: `heatwalk --help` should not wait for them.
@@ -131,6 +132,7 @@ def _parser() -> argparse.ArgumentParser:
         "label of each vertex as a property, and next to it a .seg file with one label per face, in the order\n"
         "of the faces.",
         epilog="example:\n  heatwalk segment cow.obj --time 1 --output cow_segments.ply\n"
+        "  heatwalk segment scan.ply --robust\n"
         "  heatwalk segment meshes --output segments",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -141,6 +143,12 @@ def _parser() -> argparse.ArgumentParser:
         default=1.0,
         metavar="T",
         help="duration of the heat flow in the unit of the paper; longer times give fewer segments (default: 1)",
+    )
+    command.add_argument(
+        "--robust",
+        action="store_true",
+        help="use the robust variant: nearly the same segments on noisy and damaged copies of a mesh, at a time near "
+        "--time at which their number is stable",
     )
     command.add_argument(
         "--output",
@@ -285,6 +293,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
     from heatwalk.io.seg import seg_bytes
     from heatwalk.meshes import MeshError
     from heatwalk.numerics.compilation import announced
+    from heatwalk.robust.segmentation import segment_robust
     from heatwalk.segmentation import segment
     from heatwalk.spectrum import SpectrumError
 
@@ -301,7 +310,8 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
         )
     try:
         with announced(_announce_compilation):
-            segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
+            segment_mesh = segment_robust if arguments.robust else segment
+            segmentation = segment_mesh(mesh.vertices, mesh.faces, time=arguments.time)
     except (MeshError, SpectrumError) as error:
         return f"{path}: {error}"
     except MemoryError:
@@ -351,6 +361,8 @@ def _print_segments(segmentation: "Segmentation") -> None:
     """Print the number of regions, the sizes of the largest segments, and the seconds of each stage."""
     import numpy as np
 
+    from heatwalk.robust.segmentation import RobustSegmentation
+
     n_accumulators, n_vertices = len(segmentation.exemplars), len(segmentation.labels)
     sizes = np.bincount(segmentation.labels, minlength=n_accumulators + 1)
     n_segments = int(np.count_nonzero(sizes))
@@ -358,6 +370,8 @@ def _print_segments(segmentation: "Segmentation") -> None:
     dissipator = "a dissipator region" if sizes[n_accumulators] else "no dissipator region"
     components = f", {segmentation.n_components} components" if segmentation.n_components > 1 else ""
     print(f"{regions}, {dissipator}{components}")
+    if isinstance(segmentation, RobustSegmentation):
+        _print_choices(segmentation)
     print(f"\n{'segment':>12}  {'vertices':>10}  {'share':>6}")
     for label in np.argsort(-sizes, kind="stable")[: min(_MAX_ROWS, n_segments)]:
         name = "dissipator" if label == n_accumulators else label
@@ -366,6 +380,23 @@ def _print_segments(segmentation: "Segmentation") -> None:
         print(f"{'…':>12}  {n_segments - _MAX_ROWS:>10,} smaller segments")
     seconds = {stage: seconds for stage, seconds in segmentation.seconds.items() if seconds or stage != "compilation"}
     print("\nseconds: " + ", ".join(f"{stage} {taken:.2f}" for stage, taken in seconds.items()))
+
+
+def _print_choices(segmentation: "RobustSegmentation") -> None:
+    """Print the time that was chosen, and what was repaired."""
+    print(f"time {segmentation.time:.3g}, the nearest stable one to {segmentation.requested_time:.3g}")
+    report = segmentation.repaired.report
+    done = [
+        _count(report[name], noun) + verb
+        for name, noun, verb in (
+            ("handles_cut", "handle", " cut"),
+            ("holes_filled", "hole", " filled"),
+            ("vertices_moved", "spike", " removed"),
+        )
+        if report[name]
+    ]
+    if done:
+        print(f"repaired for measuring only: {', '.join(done)}")
 
 
 def _inspect(arguments: argparse.Namespace) -> int:

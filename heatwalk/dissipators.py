@@ -24,7 +24,10 @@ BLOCK_BYTES = 2**20
 
 
 def relative_entropy_excess(
-    kernel: HeatKernel, labels: NDArray[np.int64], weights: NDArray[np.float64] | None = None
+    kernel: HeatKernel,
+    labels: NDArray[np.int64],
+    weights: NDArray[np.float64] | None = None,
+    sources: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """How much farther each vertex is from the mean density of its region than from the uniform density.
 
@@ -37,6 +40,9 @@ def relative_entropy_excess(
     weights : (n,) float array, optional
         measure with respect to which densities are summed: by default every vertex counts 1, as in the paper; the mass
         gives integrals over the surface
+    sources : (n,) float array, optional
+        with what weight the heat of each vertex counts in the mean density of its region: by default every vertex
+        counts 1, as in the paper
 
     Returns
     -------
@@ -68,7 +74,8 @@ def relative_entropy_excess(
     for part in kernel.parts():
         factor, n = kernel.rows(part), len(part)
         region = np.unique(labels[part], return_inverse=True)[1]
-        region_sums = np.asarray(sp.csr_array((np.ones(n), region, np.arange(n + 1))).T @ factor)
+        source = np.ones(n) if sources is None else sources[part]
+        region_sums = np.asarray(sp.csr_array((source, region, np.arange(n + 1))).T @ factor)
         total = measure[part] @ factor
         part_measure = measure[part].sum()
         scale = part_measure / (region_sums @ total)

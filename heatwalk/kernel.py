@@ -107,9 +107,9 @@ class HeatKernel:
             yield rows, factor[rows] @ factor.T
 
 
-def largest_eigenvalue(time: float) -> float:
-    """The eigenvalue above which e^{-λt} is below `MIN_DECAY` at a standard time."""
-    return float(-np.log(MIN_DECAY) / time)
+def largest_eigenvalue(time: float, min_decay: float = MIN_DECAY) -> float:
+    """The eigenvalue above which e^{-λt} is below ``min_decay`` at a standard time."""
+    return float(-np.log(min_decay) / time)
 
 
 def _count_columns(eigenvalues: NDArray[np.float64], limit: float) -> int:

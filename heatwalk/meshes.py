@@ -164,7 +164,7 @@ def inspect_mesh(vertices: ArrayLike, faces: ArrayLike) -> MeshReport:
     repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     degenerate = repeated | _degenerate_faces(vertices, faces)[0]  # faces with NaNs count only if corners repeat
     proper = faces[~repeated]
-    edges, faces_of_edge, n_forward = _edges(proper)
+    edges, faces_of_edge, n_forward = mesh_edges(proper)
     boundary = edges[faces_of_edge == 1]
     lengths = np.linalg.norm(scaled[edges[:, 0]] - scaled[edges[:, 1]], axis=1)
     return MeshReport(
@@ -335,7 +335,7 @@ def _check_triples(values: ArrayLike, name: str, kinds: str, expected: str) -> N
     return array
 
 
-def _edges(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def mesh_edges(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """The edges of faces with three different corners, each with its number of faces.
 
     Returns (e, 2) vertices, smaller first; (e,) number of faces; (e,) number of faces that traverse the edge from its

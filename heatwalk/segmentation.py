@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from heatwalk.accumulators import HeatWalk, heat_walk
+from heatwalk.confidence import label_margin
 from heatwalk.dissipators import divergence_from_uniform, relative_entropy_excess
 from heatwalk.kernel import HeatKernel, largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
@@ -90,6 +91,15 @@ class Segmentation:
     def divergence_from_uniform(self) -> NDArray[np.float64]:
         """KL(p_x ‖ uniform), (n,) float array in nats (paper, Figure 4 b); O(n²) time on first access."""
         return divergence_from_uniform(self.kernel, self._weights)
+
+    @cached_property
+    def margin(self) -> NDArray[np.float64]:
+        """How far the label of each vertex is from another one: (n,) float array in [0, 1], 0 if another ties with it.
+
+        The smallest of the margins of all choices that lead to the label; see `heatwalk.confidence`. Computed on first
+        access, in O(n) time for each vertex that others choose.
+        """
+        return label_margin(self.kernel, self.walk, self.accumulator_labels, self.relative_entropy_excess)
 
     @property
     def divergence_from_region(self) -> NDArray[np.float64]:
@@ -201,18 +211,8 @@ def segment_at_times(
     >>> len(few.exemplars) < len(many.exemplars)
     True
     """
-    times = [float(time) for time in times]
-    for time in times:
-        if not 0 < time < np.inf:
-            raise ValueError(f"time must be positive and finite, got {time!r}")
-    if not times:
-        raise ValueError("times is empty; at least one time is required")
-    if time_unit not in TIME_UNITS:
-        raise ValueError(f"time_unit must be one of {', '.join(TIME_UNITS)}, got {time_unit!r}")
-    if density not in DENSITIES:
-        raise ValueError(f"density must be one of {', '.join(DENSITIES)}, got {density!r}")
-
-    stopwatch = _Stopwatch()
+    times = check_times(times, time_unit, density)
+    stopwatch = Stopwatch()
     vertices, faces = check_mesh(vertices, faces)
     surface = faces[~repeats_earlier_face(faces)]
     stiffness, mass = stiffness_and_mass(unit_area(vertices, surface), surface)
@@ -221,10 +221,7 @@ def segment_at_times(
 
     solver = SpectrumSolver(stiffness, mass, component)
     del stiffness
-    if time_unit == "fiedler":
-        standard_times = [time / solver.fiedler_value() for time in times]
-    else:
-        standard_times = [time * (PAPER_TIME if time_unit == "paper" else 1.0) for time in times]
+    standard_times = in_standard_units(times, time_unit, solver)
     spectrum = solver.up_to(largest_eigenvalue(min(standard_times)))
     del solver  # the factor is larger than everything that follows
     shared_seconds["spectrum"] = stopwatch.lap()
@@ -235,6 +232,28 @@ def segment_at_times(
     )
 
 
+def check_times(times: Sequence[float], time_unit: str, density: str) -> list[float]:
+    """The times as floats; ValueError if they, their unit or the density are invalid."""
+    times = [float(time) for time in times]
+    for time in times:
+        if not 0 < time < np.inf:
+            raise ValueError(f"time must be positive and finite, got {time!r}")
+    if not times:
+        raise ValueError("times is empty; at least one time is required")
+    if time_unit not in TIME_UNITS:
+        raise ValueError(f"time_unit must be one of {', '.join(TIME_UNITS)}, got {time_unit!r}")
+    if density not in DENSITIES:
+        raise ValueError(f"density must be one of {', '.join(DENSITIES)}, got {density!r}")
+    return times
+
+
+def in_standard_units(times: Sequence[float], time_unit: str, solver: SpectrumSolver) -> list[float]:
+    """Times in one of `TIME_UNITS` as standard times on the mesh of area 1."""
+    if time_unit == "fiedler":
+        return [time / solver.fiedler_value() for time in times]
+    return [time * (PAPER_TIME if time_unit == "paper" else 1.0) for time in times]
+
+
 def compile_ahead() -> None:
     """Compile what `segment` needs, or load it from numba's cache, so that the next call is as fast as all others.
 
@@ -242,18 +261,21 @@ def compile_ahead() -> None:
     --------
     >>> compile_ahead()
     """
-    # A bent torus: without symmetry, and too large for the dense eigensolver.
-    n = 20
+    segment(*bent_torus())
+
+
+def bent_torus(n: int = 20) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices and faces of a torus without symmetry, too large for the dense eigensolver."""
     i, j = np.divmod(np.arange(n * n), n)
     u, v = 2 * np.pi * i / n, 2 * np.pi * j / n
     ring = 2 + (0.5 + 0.2 * np.sin(u)) * np.cos(v)
     vertices = np.column_stack([1.3 * ring * np.cos(u), ring * np.sin(u), 0.6 * np.sin(v) + 0.3 * np.cos(u)])
     right, up, across = i * n + (j + 1) % n, (i + 1) % n * n + j, (i + 1) % n * n + (j + 1) % n
     corners = np.arange(n * n)
-    segment(vertices, np.vstack([np.column_stack([corners, up, across]), np.column_stack([corners, across, right])]))
+    return vertices, np.vstack([np.column_stack([corners, up, across]), np.column_stack([corners, across, right])])
 
 
-class _Stopwatch:
+class Stopwatch:
     """Wall-clock seconds of one stage after the other, and those that compiling took, which belong to no stage."""
 
     def __init__(self) -> None:
@@ -280,7 +302,7 @@ def _segment_at_time(
     shared_seconds: dict[str, float],
 ) -> Segmentation:
     """The walk and the dissipators at one time."""
-    stopwatch = _Stopwatch()
+    stopwatch = Stopwatch()
     kernel = HeatKernel.from_spectrum(spectrum, standard_time)
     kernel_seconds = stopwatch.lap()
 
@@ -290,7 +312,7 @@ def _segment_at_time(
     excess = relative_entropy_excess(kernel, walk.labels, weights)
     labels = np.where(excess > 0, len(walk.exemplars), walk.labels)
     if split_dissipators:
-        labels[excess > 0] += _dissipator_pieces(excess > 0, faces)
+        labels[excess > 0] += dissipator_pieces(excess > 0, faces)
     dissipator_seconds = stopwatch.lap()
 
     return Segmentation(
@@ -316,7 +338,7 @@ def _segment_at_time(
     )
 
 
-def _dissipator_pieces(dissipates: NDArray[np.bool_], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def dissipator_pieces(dissipates: NDArray[np.bool_], faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """The connected piece of each dissipating vertex, numbered 0, 1, 2 …"""
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     components = vertex_components(len(dissipates), edges[dissipates[edges].all(axis=1)])

@@ -121,6 +121,8 @@ class SpectrumSolver:
     mass : (n,) float array, positive
     component : (n,) int array
         the connected component of each vertex, 0 … c-1
+    max_residual : float, optional
+        largest residual of a pair that is accepted, relative; by default `MAX_RESIDUAL`
 
     Raises
     ------
@@ -148,18 +150,25 @@ class SpectrumSolver:
     array([[0.  , 1.  , 1.  , 2.  , 3.99, 3.99]])
     """
 
-    def __init__(self, stiffness: "sp.csc_array", mass: NDArray[np.float64], component: NDArray[np.int64]) -> None:
+    def __init__(
+        self,
+        stiffness: "sp.csc_array",
+        mass: NDArray[np.float64],
+        component: NDArray[np.int64],
+        max_residual: float | None = None,
+    ) -> None:
+        max_residual = MAX_RESIDUAL if max_residual is None else max_residual
         self.mass = mass
         self.component = component
         symmetric = scale_symmetric(stiffness, mass**-0.5)
         if component.max() == 0:
-            self._parts = [_Component(symmetric, mass, np.arange(len(mass)))]
+            self._parts = [_Component(symmetric, mass, np.arange(len(mass)), max_residual)]
             return
         order = np.argsort(component, kind="stable")
         bounds = np.searchsorted(component[order], np.arange(component.max() + 2))
         symmetric = permute_symmetric(symmetric, order)  # block diagonal
         self._parts = [
-            _Component(diagonal_block(symmetric, start, stop), mass, order[start:stop])
+            _Component(diagonal_block(symmetric, start, stop), mass, order[start:stop], max_residual)
             for start, stop in pairwise(bounds)
         ]
 
@@ -177,7 +186,7 @@ class SpectrumSolver:
         Raises
         ------
         SpectrumError
-            if the residual of a pair exceeds `MAX_RESIDUAL`
+            if the residual of a pair exceeds ``max_residual``
         """
         found = [part.up_to(limit) for part in self._parts]
         width = 1 + max(len(values) for values, _, _ in found)
@@ -202,7 +211,14 @@ class SpectrumSolver:
 class _Component:
     """One connected component: its matrix A, its factorisation unless it is small, and its eigenpairs so far."""
 
-    def __init__(self, matrix: "sp.csr_array", mass: NDArray[np.float64], vertices: NDArray[np.int64]) -> None:
+    def __init__(
+        self,
+        matrix: "sp.csr_array",
+        mass: NDArray[np.float64],
+        vertices: NDArray[np.int64],
+        max_residual: float,
+    ) -> None:
+        self.max_residual = max_residual
         self.is_dense = len(vertices) <= MAX_DENSE_SIZE
         if not self.is_dense:
             from heatwalk.numerics.solver import PositiveDefiniteSolver  # imports numba
@@ -242,10 +258,11 @@ class _Component:
         for value, u in zip(values, vectors.T, strict=True):
             error = np.linalg.norm(self.root_mass * (self.matrix @ u - value * u))
             largest = max(largest, float(error / (np.linalg.norm(self.root_mass * u) * max(value, 1.0))))
-        if not largest <= MAX_RESIDUAL:
+        if not largest <= self.max_residual:
             raise SpectrumError(
                 f"the eigenpairs of {_describe(self.vertices)} have a residual of {largest:.1e}, more than "
-                f"{MAX_RESIDUAL:.0e}, usually because of very flat or very unequal triangles; remesh or clean the mesh"
+                f"{self.max_residual:.0e}, usually because of very flat or very unequal triangles; remesh or clean the "
+                "mesh"
             )
         return largest
 

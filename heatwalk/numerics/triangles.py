@@ -68,9 +68,9 @@ def connected_components(n_vertices: int, simplices: NDArray[np.int64]) -> NDArr
     # Union-find: the parent of a vertex is a smaller vertex of its component; a root is its own parent.
     parent = np.arange(n_vertices)
     for s in range(len(simplices)):
-        root = _find_root(parent, simplices[s, 0])
+        root = find_root(parent, simplices[s, 0])
         for i in range(1, simplices.shape[1]):
-            other = _find_root(parent, simplices[s, i])
+            other = find_root(parent, simplices[s, i])
             parent[max(root, other)] = min(root, other)
             root = min(root, other)
     component = np.empty(n_vertices, dtype=np.int64)
@@ -85,7 +85,7 @@ def connected_components(n_vertices: int, simplices: NDArray[np.int64]) -> NDArr
 
 
 @compiled
-def _find_root(parent: NDArray[np.int64], vertex: int) -> int:
+def find_root(parent: NDArray[np.int64], vertex: int) -> int:
     """Root of the tree of a vertex; shortens the path to it on the way."""
     while parent[vertex] != vertex:
         parent[vertex] = parent[parent[vertex]]

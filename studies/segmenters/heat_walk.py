@@ -71,7 +71,7 @@ class HeatWalk:
             if getattr(self, option) not in valid:
                 raise ValueError(f"segmenter.{option} is {getattr(self, option)!r}: choose one of {', '.join(valid)}")
 
-    algorithm_version: ClassVar[int] = heatwalk.ALGORITHM_VERSION
+    algorithm_version: ClassVar[int | str] = heatwalk.ALGORITHM_VERSION
     about: ClassVar[About] = About(
         title="Heat Walk",
         source=(
@@ -81,14 +81,14 @@ class HeatWalk:
         bibtex=_BIBTEX,
     )
 
-    @staticmethod
-    def is_compiled() -> bool:
+    @classmethod
+    def is_compiled(cls) -> bool:
         """Whether this process has everything that segmenting needs compiled or in numba's cache; then it is loaded."""
         from heatwalk.numerics.compilation import announced
 
         try:
             with announced(_refuse):
-                compile_ahead()
+                cls.compile_ahead()
         except _NotCompiledError:
             return False
         return True

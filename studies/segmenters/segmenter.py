@@ -200,7 +200,7 @@ def make_segmenter(options: Mapping[str, Any], reference: Segmenter | None = Non
         raise SegmenterError(f"segmenter.labels_of is {labels_of!r}: choose one of {', '.join(LABELS_OF)}")
     name = options["_target_"]
     target = locate("segmenter", name, SegmenterError)
-    if target is not HeatWalk:
+    if not (isinstance(target, type) and issubclass(target, HeatWalk)):
         options = _without_heat_walk_options(options, target)
     try:
         recipe = json.dumps(options, sort_keys=True)

@@ -72,6 +72,26 @@ def test_segment_accepts_a_time_and_an_output(in_empty_folder, capsys):
     assert len(expected.exemplars) > len(heatwalk.segment(cow.vertices, cow.faces).exemplars)
 
 
+def test_segment_robust_writes_the_result_of_the_robust_variant(in_empty_folder, capsys):
+    assert main(["segment", str(bundled_path("ant")), "--robust", "--time", "2", "--output", "ant.ply"]) == 0
+    ant = read_mesh(bundled_path("ant"))
+    expected = heatwalk.segment_robust(ant.vertices, ant.faces, time=2)
+    assert np.array_equal(read_seg("ant.seg"), expected.face_labels)
+    printed = capsys.readouterr().out
+    assert f"{len(expected.exemplars)} accumulator regions" in printed
+    assert f"time {expected.time:.3g}, the nearest stable one to 2\n" in printed
+    assert not np.array_equal(expected.face_labels, heatwalk.segment(ant.vertices, ant.faces, time=2).face_labels)
+
+
+def test_segment_robust_tells_what_it_repaired(in_empty_folder, capsys):
+    ball = trimesh.creation.icosphere(2)
+    ball.vertices[40] *= 2
+    ball.update_faces(np.arange(len(ball.faces)) >= 1)
+    ball.export("ball.ply")
+    assert main(["segment", "ball.ply", "--robust"]) == 0
+    assert "repaired for measuring only: 1 hole filled, 1 spike removed\n" in capsys.readouterr().out
+
+
 def test_segment_lists_the_twenty_largest_segments_and_counts_the_rest(in_empty_folder, capsys):
     ant = read_mesh(bundled_path("ant"))
     n_segments = heatwalk.segment(ant.vertices, ant.faces).n_segments

@@ -115,3 +115,14 @@ def test_a_region_of_a_single_vertex_never_dissipates():
     rows = np.eye(5) + 0.01
     kernel = HeatKernel(rows, np.zeros(5, dtype=int), np.full(5, 0.2), 1.0)
     assert (relative_entropy_excess(kernel, np.arange(5)) < 0).all()
+
+
+def test_weights_of_vertices_and_of_sources_count_copies_of_vertices():
+    rng = np.random.default_rng(0)
+    rows, copies, labels = 1 + rng.random((6, 3)), np.array([1, 3, 2, 1, 1, 4]), np.array([0, 0, 1, 1, 2, 2])
+    each, component = np.repeat(np.arange(6), copies), np.zeros(copies.sum(), int)
+    repeated = HeatKernel(rows[each], component, np.ones(len(each)), 1.0)
+    kernel = HeatKernel(rows, np.zeros(6, int), np.ones(6), 1.0)
+    weights = copies.astype(float)
+    expected = relative_entropy_excess(repeated, labels[each])
+    assert np.allclose(relative_entropy_excess(kernel, labels, weights, weights)[each], expected)

@@ -23,7 +23,8 @@ def small(tmp_path, request):
         if study == "pose":
             return f"dataset.root={request.getfixturevalue('tosca_zip')}", "dataset.models=[cat0,cat1]"
         bundled("ant").export(tmp_path / "ant.off")  # as it ships: 486 vertices
-        return "dataset=files", f"dataset.glob={tmp_path / 'ant.off'}"
+        fewer = ["segmenters=[heat_walk_robust]"] if study == "ablation" else []
+        return "dataset=files", f"dataset.glob={tmp_path / 'ant.off'}", *fewer
 
     return options
 
