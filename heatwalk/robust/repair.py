@@ -73,8 +73,9 @@ class Repaired:
     faces : (m', 3) int array
         of a face that is there several times only the first is left
     report : dict of str to int
-        ``holes_filled``, ``handles_cut``, ``contacts_parted`` (spikes with their tips on the surface), ``vertices_moved``
-        (spikes), ``sweeps`` (of the fairing), and ``nonmanifold_edges``, which are left as they are
+        ``holes_filled``, ``handles_cut``, ``contacts_parted`` (spikes with their tips on the surface),
+        ``vertices_moved`` (other spikes), ``sweeps`` (of the fairing), and ``nonmanifold_edges``, which are left
+        as they are
     """
 
     vertices: NDArray[np.float64]

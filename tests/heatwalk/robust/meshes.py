@@ -77,7 +77,7 @@ def with_tube(mesh, start, end, n_sides, rings=0):
     return as_trimesh(vertices, np.concatenate([np.delete(faces, a + b, axis=0), *tube]))
 
 
-def is_nearly(mesh, vertices, faces):
-    """Whether two surfaces have the same area and volume within a hundredth."""
+def is_nearly(mesh, vertices, faces, within=0.01):
+    """Whether two surfaces have the same area and volume within a share."""
     other = as_trimesh(vertices, faces)
-    return abs(other.area / mesh.area - 1) < 0.01 and abs(abs(other.volume / mesh.volume) - 1) < 0.01
+    return abs(other.area / mesh.area - 1) < within and abs(abs(other.volume / mesh.volume) - 1) < within

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from heatwalk.robust.handles import closed_copy
 from heatwalk.robust.holes import CHORD_COST, Loops, boundary_loops, fill, fill_small_holes, loop_lengths
 from perturb import Holes, as_trimesh
 from tests.heatwalk.robust.meshes import arrays, blob, is_nearly
@@ -52,8 +53,8 @@ def test_a_surface_with_many_holes_is_closed_again_and_where_it_was(share):
     assert n_filled > 0
     assert filled.is_watertight
     assert filled.is_winding_consistent
-    assert filled.euler_number == 2
-    assert is_nearly(mesh, vertices, faces)
+    assert closed_copy(faces, len(vertices)).genus == 0
+    assert is_nearly(mesh, vertices, faces, within=share / 5)
 
 
 def test_a_triangle_that_only_touches_others_is_covered_by_the_fill_of_the_hole_around_it():
