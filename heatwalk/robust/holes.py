@@ -168,7 +168,8 @@ def fill(
         triangulated[again] = False
         if not len(again):
             break
-    patches, centres = [faces, patch], []
+    patches = [faces, patch]
+    centres: list[NDArray[np.float64]] = []
     for i in np.flatnonzero(~done).tolist():
         loop, centre = loops[i], len(vertices) + len(centres)
         centres.append(vertices[loop].mean(axis=0))
