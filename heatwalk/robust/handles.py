@@ -192,7 +192,8 @@ def _reduced(word: int, basis: list[int]) -> int:
 
 def _angle_excess(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
     """Sum of the angles around each vertex minus 2π: (n,) float array."""
-    return np.bincount(faces.ravel(), _corner_angles(vertices, faces), len(vertices)) - 2 * np.pi
+    angles = np.bincount(faces.ravel(), _corner_angles(vertices, faces), len(vertices))
+    return np.asarray(angles - 2 * np.pi, np.float64)
 
 
 def _corner_angles(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
