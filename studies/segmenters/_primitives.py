@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.numerics.compilation import compiled
-from studies.segmenters._union_find import root
+from studies.segmenters._merging import Regions, is_left, join, linked_regions, next_pair, numbered, pairs_of
 
 _TURN = 1e-15  # rotations by less, relative to the trace, end the iteration of Jacobi
 _FLAT = 1e-12  # variances below this, relative to the largest, are rounding
@@ -14,7 +14,12 @@ _FLAT = 1e-12  # variances below this, relative to the largest, are rounding
 
 @compiled
 def merge_by_primitives(
-    pairs: NDArray[np.int64], moments: NDArray[np.float64], normals: NDArray[np.float64], n_regions: int
+    pairs: NDArray[np.int64],
+    bends: NDArray[np.float64],
+    moments: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    concavity: float,
+    n_regions: int,
 ) -> NDArray[np.int64]:
     """Merge neighbours until ``n_regions`` are left, or none are neighbours: the pair first that a primitive fits best.
 
@@ -22,43 +27,44 @@ def merge_by_primitives(
     ----------
     pairs : (p, 2) int array
         adjacent faces
+    bends : (p, 2) float array
+        length of the edge between them, and its product with the angle in radians if it is concave; overwritten by the
+        sums over the border of two regions
     moments : (m, 10, 10) float array
         integrals of the products of the monomials 1, x, y, z, xx, yy, zz, xy, xz, yz over each face; overwritten by
         those of the regions
     normals : (m, 3, 3) float array
         integrals of the products of the components of the normals; overwritten too
+    concavity : float
+        the error of a union counts 1 + concavity × the mean concave angle of the border within it
     n_regions : int
         number of regions at which to stop
 
     Returns
     -------
     (m,) int64 array
-        a face of the region of each face, the same for all of its faces
+        for each face the number of its region, numbered in the order of their first faces
     """
-    m = len(moments)
-    parent, version = np.arange(m), np.zeros(m, np.int64)
+    regions = linked_regions(pairs, bends, len(moments))
     work, axes = np.empty((10, 10)), np.empty((3, 3))
-    heap = [(_error_of_union(moments, normals, pairs[i, 0], pairs[i, 1], work, axes), i, 0) for i in range(len(pairs))]
+    heap = [(0.0, 0, 0) for _ in range(0)]
+    for i in range(len(pairs)):
+        if is_left(regions, i):
+            heap.append((_cost(regions, i, moments, normals, concavity, work, axes), i, 0))
     heapq.heapify(heap)
-    left = m
-    while left > n_regions and len(heap) > 0:
-        _, i, stamp = heapq.heappop(heap)
-        kept, gone = root(parent, pairs[i, 0]), root(parent, pairs[i, 1])
-        if kept == gone:
-            continue
-        current = version[kept] + version[gone]
-        if current != stamp:
-            # A region has grown, which can only have made the error larger: this pair's turn may come later.
-            heapq.heappush(heap, (_error_of_union(moments, normals, kept, gone, work, axes), i, current))
-            continue
-        parent[gone] = kept
+    left = len(moments)
+    while left > n_regions:
+        i = next_pair(heap, regions)
+        if i < 0:
+            break
+        kept, gone = join(regions, i)
         moments[kept] += moments[gone]
         normals[kept] += normals[gone]
-        version[kept] += version[gone] + 1
+        for j in pairs_of(regions, kept):
+            cost = _cost(regions, j, moments, normals, concavity, work, axes)
+            heapq.heappush(heap, (cost, j, regions.version[j]))
         left -= 1
-    for node in range(m):
-        parent[node] = root(parent, node)
-    return parent
+    return numbered(regions)
 
 
 @compiled
@@ -112,18 +118,21 @@ def primitive_errors(
 
 
 @compiled
-def _error_of_union(
+def _cost(
+    regions: Regions,
+    i: int,
     moments: NDArray[np.float64],
     normals: NDArray[np.float64],
-    a: int,
-    b: int,
+    concavity: float,
     work: NDArray[np.float64],
     axes: NDArray[np.float64],
 ) -> float:
-    """The error of the primitive that fits two regions best."""
+    """The error of the primitive that fits the two regions of a pair best, which counts more across a concave border."""
+    a, b = regions.ends[i, 0], regions.ends[i, 1]
     work[:] = moments[a] + moments[b]
     plane, sphere, cylinder = primitive_errors(work, normals[a] + normals[b], axes)
-    return min(plane, sphere, cylinder)
+    length, bend = regions.weights[i, 0], regions.weights[i, 1]
+    return min(plane, sphere, cylinder) * (1 + concavity * (bend / length if length > 0 else 0.0))
 
 
 @compiled

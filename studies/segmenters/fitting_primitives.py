@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.segmenters._dual_graph import DualGraph
+from studies.segmenters._orientation import outward
 from studies.segmenters._unit_size import unit_size
 from studies.segmenters.about import About
 
@@ -46,7 +48,9 @@ class FittingPrimitives:
     [32, 32, 64]
     """
 
-    algorithm_version: ClassVar[int] = 1
+    concavity: float = 50.0
+
+    algorithm_version: ClassVar[int] = 2
     labels_of: ClassVar[str] = "faces"
     about: ClassVar[About] = About(
         title="Fitting primitives",
@@ -64,6 +68,10 @@ class FittingPrimitives:
   doi     = {10.1007/s00371-006-0375-x},
 }""",
     )
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.concavity < math.inf:
+            raise ValueError(f"segmenter.concavity is {self.concavity!r}: it must be at least 0 and finite")
 
     def __call__(self, vertices: NDArray[np.float64], faces: NDArray[np.int64], n_segments: int) -> NDArray[np.int64]:
         """Labels of the faces.
@@ -89,10 +97,11 @@ class FittingPrimitives:
         from studies.segmenters._primitives import merge_by_primitives  # compiles, which takes long to import
 
         points = unit_size(vertices, faces)
-        graph = DualGraph.of(points, faces)
+        graph = DualGraph.of(points, outward(points, faces))
+        bends = np.column_stack([graph.lengths, graph.lengths * np.maximum(-graph.angles, 0.0)])
         normals = graph.areas[:, None, None] * graph.normals[:, :, None] * graph.normals[:, None, :]
-        region = merge_by_primitives(graph.pairs, moments_of(points[faces], graph.areas), normals, n_segments)
-        return np.unique(region, return_inverse=True)[1].astype(np.int64)
+        moments = moments_of(points[faces], graph.areas)
+        return merge_by_primitives(graph.pairs, bends, moments, normals, float(self.concavity), n_segments)
 
 
 def moments_of(corners: NDArray[np.float64], areas: NDArray[np.float64]) -> NDArray[np.float64]:
