@@ -23,21 +23,27 @@ _RULES = ((0.223381589678011, 0.445948490915965), (0.109951743655322, 0.09157621
 class FittingPrimitives:
     """Adjacent regions merged as long as a plane, a sphere or a cylinder fits their union.
 
-    Starts with every face, and merges the pair of adjacent regions whose union has the least error, until as many
-    regions as told are left. The error is the integral of the squared distance from the primitive that fits best.
+    Starts with every face, and merges the pair of adjacent regions whose union costs least, until as many regions as
+    told are left. The cost is the integral of the squared distance from the primitive that fits best, times a factor
+    that grows with how concave the border within the union is.
+
+    Parameters
+    ----------
+    concavity : float
+        the factor is 1 + concavity × the mean concave angle along the border, in radians; 0 as published
 
     Notes
     -----
     M. Attene, B. Falcidieno, M. Spagnuolo, Hierarchical Mesh Segmentation Based on Fitting Primitives, The Visual
     Computer 22 (3), 2006.
 
-    Ours: moments up to degree 4 are accumulated per region, so that a merge takes constant time; spheres and cylinders
-    are fitted algebraically, and their distances approximated to first order; the axis of a cylinder is the direction
-    in which the normals vary least. Components of the mesh are never merged: there may be more regions than told.
+    Ours: the factor; moments up to degree 4 are accumulated per region, so that a union is evaluated in constant time;
+    spheres and cylinders are fitted algebraically, and their distances approximated to first order; the axis of a
+    cylinder is the direction in which the normals vary least. Components of the mesh are never merged: there may be
+    more regions than told.
 
-    On the Princeton benchmark, its Rand Index error is .19 over the first model of ten non-rigid categories (FourLeg is
-    missing), and .145 as published (Table 1 of the Heat Walk's paper, over eleven): the original's error and its fit of
-    cylinders differ from ours. It takes a few seconds for 20,000 faces, and 1 KB per face.
+@@MEASURED@@
+    About a second for 20,000 faces, up to 15 where large flat regions have many neighbours, and 1 KB per face.
 
     Examples
     --------
