@@ -47,7 +47,6 @@ class Regions(NamedTuple):
     seen_pair: NDArray[np.int64]
 
 
-
 @compiled
 def merge_by_normalised_cut(
     pairs: NDArray[np.int64], costs: NDArray[np.float64], areas: NDArray[np.float64], n_regions: int
@@ -149,7 +148,7 @@ def next_pair(heap: list[tuple[float, int, int]], regions: Regions) -> int:
 
 @compiled
 def join(regions: Regions, i: int) -> tuple[int, int]:
-    """Merge the regions of a pair; the region that remains, whose pairs have a new version, and the one that is gone."""
+    """Merge the regions of a pair: the one that remains, whose pairs have a new version, and the one that is gone."""
     kept, gone = regions.ends[i, 0], regions.ends[i, 1]
     if regions.length[kept] < regions.length[gone]:
         kept, gone = gone, kept

@@ -141,7 +141,7 @@ def _cost(
     scatter: NDArray[np.float64],
     axes: NDArray[np.float64],
 ) -> float:
-    """The error of the primitive that fits the two regions of a pair best, which counts more across a concave border."""
+    """The error of the primitive that fits the two regions of a pair best, larger across a concave border."""
     a, b = regions.ends[i, 0], regions.ends[i, 1]
     for j in range(10):
         for k in range(10):

@@ -42,7 +42,9 @@ class FittingPrimitives:
     cylinder is the direction in which the normals vary least. Components of the mesh are never merged: there may be
     more regions than told.
 
-@@MEASURED@@
+    On the Princeton benchmark, its Rand Index error is .142 over the second and third model of the eleven non-rigid
+    categories, .165 without the factor, and .145 as published (Table 1 of the Heat Walk's paper); .181 over those of
+    all 19. The factor was chosen on the first model of each: .148 with 50, .178 without.
     About a second for 20,000 faces, up to 15 where large flat regions have many neighbours, and 1 KB per face.
 
     Examples
