@@ -64,9 +64,9 @@ class ShapeDiameter:
     with a fixed seed.
 
     On the Princeton benchmark, its Rand Index error is .135 over the second and third model of the eleven non-rigid
-    categories, .146 with λ = .26, and .143 as published (Table 1 of the Heat Walk's paper); .192 over those of all
-    19. λ was chosen on the first model of each: .130 with .15, .156 with .26. Rays weighted by their angle, more passes of smoothing
-    and other numbers of components were no better there. A second or two for 20,000 faces.
+    categories, .146 with λ = .26, and .143 as published (Table 1 of the Heat Walk's paper); .192 over those of all 19.
+    λ was chosen on the first model of each: .130 with .15, .156 with .26. Rays weighted by their angle, more passes of
+    smoothing and other numbers of components were no better there. A second or two for 20,000 faces.
 
     Examples
     --------
