@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.numerics.compilation import compiled
-from studies.segmenters._union_find import root
+from studies.segmenters._merging import Regions, is_left, join, linked_regions, next_pair, numbered, pairs_of
 
 _TURN = 1e-15  # rotations by less, relative to the trace, end the iteration of Jacobi
 _FLAT = 1e-12  # variances below this, relative to the largest, are rounding
@@ -14,7 +14,12 @@ _FLAT = 1e-12  # variances below this, relative to the largest, are rounding
 
 @compiled
 def merge_by_primitives(
-    pairs: NDArray[np.int64], moments: NDArray[np.float64], normals: NDArray[np.float64], n_regions: int
+    pairs: NDArray[np.int64],
+    bends: NDArray[np.float64],
+    moments: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    concavity: float,
+    n_regions: int,
 ) -> NDArray[np.int64]:
     """Merge neighbours until ``n_regions`` are left, or none are neighbours: the pair first that a primitive fits best.
 
@@ -22,43 +27,44 @@ def merge_by_primitives(
     ----------
     pairs : (p, 2) int array
         adjacent faces
+    bends : (p, 2) float array
+        length of the edge between them, and its product with the angle in radians if it is concave; overwritten by the
+        sums over the border of two regions
     moments : (m, 10, 10) float array
         integrals of the products of the monomials 1, x, y, z, xx, yy, zz, xy, xz, yz over each face; overwritten by
         those of the regions
     normals : (m, 3, 3) float array
         integrals of the products of the components of the normals; overwritten too
+    concavity : float
+        the error of a union counts 1 + concavity × the mean concave angle of the border within it
     n_regions : int
         number of regions at which to stop
 
     Returns
     -------
     (m,) int64 array
-        a face of the region of each face, the same for all of its faces
+        for each face the number of its region, numbered in the order of their first faces
     """
-    m = len(moments)
-    parent, version = np.arange(m), np.zeros(m, np.int64)
-    work, axes = np.empty((10, 10)), np.empty((3, 3))
-    heap = [(_error_of_union(moments, normals, pairs[i, 0], pairs[i, 1], work, axes), i, 0) for i in range(len(pairs))]
+    regions = linked_regions(pairs, bends, len(moments))
+    work, scatter, axes = np.empty((10, 10)), np.empty((3, 3)), np.empty((3, 3))
+    heap = [(0.0, 0, 0) for _ in range(0)]
+    for i in range(len(pairs)):
+        if is_left(regions, i):
+            heap.append((_cost(regions, i, moments, normals, concavity, work, scatter, axes), i, 0))
     heapq.heapify(heap)
-    left = m
-    while left > n_regions and len(heap) > 0:
-        _, i, stamp = heapq.heappop(heap)
-        kept, gone = root(parent, pairs[i, 0]), root(parent, pairs[i, 1])
-        if kept == gone:
-            continue
-        current = version[kept] + version[gone]
-        if current != stamp:
-            # A region has grown, which can only have made the error larger: this pair's turn may come later.
-            heapq.heappush(heap, (_error_of_union(moments, normals, kept, gone, work, axes), i, current))
-            continue
-        parent[gone] = kept
-        moments[kept] += moments[gone]
-        normals[kept] += normals[gone]
-        version[kept] += version[gone] + 1
+    left = len(moments)
+    while left > n_regions:
+        i = next_pair(heap, regions)
+        if i < 0:
+            break
+        kept, gone = join(regions, i)
+        _add(moments, kept, gone)
+        _add(normals, kept, gone)
+        for j in pairs_of(regions, kept):
+            cost = _cost(regions, j, moments, normals, concavity, work, scatter, axes)
+            heapq.heappush(heap, (cost, j, regions.version[j]))
         left -= 1
-    for node in range(m):
-        parent[node] = root(parent, node)
-    return parent
+    return numbered(regions)
 
 
 @compiled
@@ -78,11 +84,16 @@ def primitive_errors(
     axes : (3, 3) float array
         working memory
     """
+    # Loops instead of operations on arrays, which take several times as long to compile.
     area = moments[0, 0]
     if area <= 0:
         return 0.0, 0.0, 0.0
-    mean = moments[0, 1:4] / area
-    covariance = moments[1:4, 1:4] / area - np.outer(mean, mean)
+    mean, covariance, scatter = np.empty(3), np.empty((3, 3)), normals.copy()
+    for i in range(3):
+        mean[i] = moments[0, 1 + i] / area
+    for i in range(3):
+        for j in range(3):
+            covariance[i, j] = moments[1 + i, 1 + j] / area - mean[i] * mean[j]
     variances = covariance.copy()
     _diagonalise(variances, axes)
     plane = max(min(variances[0, 0], variances[1, 1], variances[2, 2]), 0.0)
@@ -90,40 +101,65 @@ def primitive_errors(
     square = np.zeros(6)
     square[:3] = 1.0
     sphere = _residual(moments, mean, variances, axes, square, 3)
-    scatter = normals.copy()
     _diagonalise(scatter, axes)
     _largest_first(scatter, axes)
-    axis = axes[:, 2].copy()
     for i in range(3):
-        square[i] -= axis[i] ** 2
-    square[3] = -2 * axis[0] * axis[1]
-    square[4] = -2 * axis[0] * axis[2]
-    square[5] = -2 * axis[1] * axis[2]
-    first, second = axes[:, 0].copy(), axes[:, 1].copy()
-    along, across = np.dot(covariance, first), np.dot(covariance, second)
-    turn = 0.5 * np.arctan2(2 * np.dot(along, second), np.dot(along, first) - np.dot(across, second))
+        square[i] -= axes[i, 2] ** 2
+    square[3] = -2 * axes[0, 2] * axes[1, 2]
+    square[4] = -2 * axes[0, 2] * axes[2, 2]
+    square[5] = -2 * axes[1, 2] * axes[2, 2]
+    mixed = _form(axes, covariance, 0, 1)
+    difference = _form(axes, covariance, 0, 0) - _form(axes, covariance, 1, 1)
+    turn = 0.5 * np.arctan2(2 * mixed, difference)
     c, s = np.cos(turn), np.sin(turn)
-    first, second = c * first + s * second, c * second - s * first
-    axes[:, 0], axes[:, 1] = first, second
-    variances[0, 0] = np.dot(first, np.dot(covariance, first))
-    variances[1, 1] = np.dot(second, np.dot(covariance, second))
+    for i in range(3):
+        axes[i, 0], axes[i, 1] = c * axes[i, 0] + s * axes[i, 1], c * axes[i, 1] - s * axes[i, 0]
+    for i in range(2):
+        variances[i, i] = _form(axes, covariance, i, i)
     cylinder = _residual(moments, mean, variances, axes, square, 2)
     return area * plane, area * sphere, area * cylinder
 
 
 @compiled
-def _error_of_union(
+def _form(axes: NDArray[np.float64], matrix: NDArray[np.float64], i: int, j: int) -> float:
+    """The product of an axis, a 3 x 3 matrix and an axis."""
+    total = 0.0
+    for k in range(3):
+        for n in range(3):
+            total += axes[k, i] * matrix[k, n] * axes[n, j]
+    return total
+
+
+@compiled
+def _cost(
+    regions: Regions,
+    i: int,
     moments: NDArray[np.float64],
     normals: NDArray[np.float64],
-    a: int,
-    b: int,
+    concavity: float,
     work: NDArray[np.float64],
+    scatter: NDArray[np.float64],
     axes: NDArray[np.float64],
 ) -> float:
-    """The error of the primitive that fits two regions best."""
-    work[:] = moments[a] + moments[b]
-    plane, sphere, cylinder = primitive_errors(work, normals[a] + normals[b], axes)
-    return min(plane, sphere, cylinder)
+    """The error of the primitive that fits the two regions of a pair best, larger across a concave border."""
+    a, b = regions.ends[i, 0], regions.ends[i, 1]
+    for j in range(10):
+        for k in range(10):
+            work[j, k] = moments[a, j, k] + moments[b, j, k]
+    for j in range(3):
+        for k in range(3):
+            scatter[j, k] = normals[a, j, k] + normals[b, j, k]
+    plane, sphere, cylinder = primitive_errors(work, scatter, axes)
+    length, bend = regions.weights[i, 0], regions.weights[i, 1]
+    return min(plane, sphere, cylinder) * (1 + concavity * (bend / length if length > 0 else 0.0))
+
+
+@compiled
+def _add(matrices: NDArray[np.float64], to: int, of: int) -> None:
+    """Add one of several matrices to another."""
+    for j in range(matrices.shape[1]):
+        for k in range(matrices.shape[2]):
+            matrices[to, j, k] += matrices[of, j, k]
 
 
 @compiled
@@ -146,17 +182,19 @@ def _residual(
         for k in range(3):
             with_points[k] += square[i] * moments[1 + k, 4 + i] / area
     rest -= level**2
-    with_points -= level * mean
     largest = max(variances[0, 0], variances[1, 1], variances[2, 2] if n_axes == 3 else 0.0)
     squared_radius = level
     for i in range(n_axes):
-        axis = axes[:, i].copy()
-        centre = np.dot(axis, mean)
+        middle = slope = 0.0
+        for k in range(3):
+            middle += axes[k, i] * mean[k]
+            slope += axes[k, i] * (with_points[k] - level * mean[k])
+        centre = middle
         if variances[i, i] > _FLAT * largest:
-            slope = np.dot(axis, with_points) / variances[i, i]
+            slope /= variances[i, i]
             rest -= slope**2 * variances[i, i]
             centre = slope / 2
-        squared_radius += centre**2 - 2 * centre * np.dot(axis, mean)
+        squared_radius += centre**2 - 2 * centre * middle
     if squared_radius <= 0:
         return np.inf
     return max(rest, 0.0) / (4 * squared_radius)

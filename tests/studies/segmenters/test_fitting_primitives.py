@@ -73,6 +73,23 @@ def test_regions_of_fewer_segments_are_unions_of_those_of_more():
     assert same_partition(fine, DualGraph.of(mesh.vertices, mesh.faces).components(fine))
 
 
+def test_a_concave_border_keeps_regions_apart():
+    # A ridge of 20 degrees and a valley of 10: flatter, but where parts meet.
+    x, z = np.array([0, 1, 2, 3.0]), np.tan(np.radians([10, -10, 0]))
+    strip = np.array([[x[i], y, np.r_[0, z.cumsum()][i]] for i in range(4) for y in (0.0, 1)])
+    faces = [[2 * i + a, 2 * i + b, 2 * i + c] for i in range(3) for a, b, c in ((0, 2, 1), (1, 2, 3))]
+    sheet = trimesh.Trimesh(strip, faces, process=False).subdivide().subdivide()
+    part = np.minimum(sheet.triangles_center[:, 0].astype(int), 2)
+    assert same_partition(FittingPrimitives()(sheet.vertices, sheet.faces, 2), part == 2)
+    assert same_partition(FittingPrimitives(concavity=0)(sheet.vertices, sheet.faces, 2), part == 0)
+
+
+@pytest.mark.parametrize("concavity", [-1.0, np.inf, np.nan])
+def test_concavity_is_not_negative(concavity):
+    with pytest.raises(ValueError, match=r"segmenter\.concavity is .* at least 0 and finite"):
+        FittingPrimitives(concavity=concavity)
+
+
 def test_place_direction_and_size_do_not_matter():
     mesh = trimesh.creation.icosphere(2)
     vertices = np.asarray(mesh.vertices) * [2, 1, 0.7] + 0.1 * np.sin(3 * np.asarray(mesh.vertices)[:, ::-1] + 1)
