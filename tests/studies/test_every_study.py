@@ -12,6 +12,12 @@ from tests.helpers.meshes import bundled
 
 STUDIES = sorted(path.stem for path in (Path(conf.__file__).parent / "study").glob("*.yaml") if path.stem != "custom")
 
+# Studies of many methods, with few of them.
+FEWER = {
+    "ablation": ["segmenters=[heat_walk_robust]"],
+    "leaderboard": ["segmenters=[heat_walk,one_segment]", "perturbations=[holes,scaling]"],
+}
+
 
 @pytest.fixture
 def small(tmp_path, request):
@@ -23,8 +29,7 @@ def small(tmp_path, request):
         if study == "pose":
             return f"dataset.root={request.getfixturevalue('tosca_zip')}", "dataset.models=[cat0,cat1]"
         bundled("ant").export(tmp_path / "ant.off")  # as it ships: 486 vertices
-        fewer = ["segmenters=[heat_walk_robust]"] if study == "ablation" else []
-        return "dataset=files", f"dataset.glob={tmp_path / 'ant.off'}", *fewer
+        return "dataset=files", f"dataset.glob={tmp_path / 'ant.off'}", *FEWER.get(study, ())
 
     return options
 
@@ -44,7 +49,8 @@ def test_it_runs_and_shows_what_it_found(study, small, configured, console, tmp_
     assert len(table) > 0
     assert not table.isna().all(axis=None)
     page = (folder / "table.md").read_text()
-    assert page.startswith(f"# {made.title} on {rows['dataset'].iloc[0]}: HeatWalk")
+    what = "1 model, 2 methods" if study == "leaderboard" else "HeatWalk"
+    assert page.startswith(f"# {made.title} on {rows['dataset'].iloc[0]}: {what}")
     assert all(path.stat().st_size > 5000 for path in folder.glob("*.png"))
 
 
