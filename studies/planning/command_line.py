@@ -274,7 +274,7 @@ def where_is(name: str) -> str:
     Examples
     --------
     >>> where_is("parts.holes.perturbation.unit"), where_is("dataset.categories"), where_is("repeat")
-    ('the study table2', 'dataset=psb, dataset=tosca', '')
+    ('the studies leaderboard, table2', 'dataset=psb, dataset=tosca', '')
     """
     group, _, option = name.partition(".")
     if group in CHOICES and group != "study":
