@@ -133,6 +133,17 @@ class Experiment(ABC):
         """How large the study is, as its title says it; "" for a title that names the methods."""
         return ""
 
+    def findings(self, rows: pd.DataFrame, argument: Mapping[str, Any] | None = None) -> str:
+        """What the rows amount to, in a few sentences for the page of all results; "" if the table says it all.
+
+        Parameters
+        ----------
+        rows : DataFrame
+        argument : mapping, optional
+            what a publication argues: see `studies.reporting.publication.Publication.argument`
+        """
+        return ""
+
     def files(self, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, str]:
         """Further files made of tables and rows alone: their texts by file name."""
         return {}

@@ -63,7 +63,7 @@ def page(studies: Sequence[Results], root: Path, sweeps: Sequence[Sweep] = ()) -
             if study.folder in sweep.folders and sweep.file("") not in shown:
                 shown.add(sweep.file(""))
                 lines += ["", *_sweep_lines(sweep, root)]
-        lines += ["", *_study_lines(study, root, _headings(studies, root)[study.folder])]
+        lines += ["", *_study_lines(study, root, _headings(studies, root)[study.folder], publication)]
     return "\n".join(lines) + "\n"
 
 
@@ -106,9 +106,10 @@ def _claims(studies: Sequence[Results], publication: Publication, root: Path) ->
     return [*lines, "", "Where ours is worse:", "", *remarks] if remarks else lines
 
 
-def _study_lines(study: Results, root: Path, heading: str) -> list[str]:
-    """One study: what it is, its table, its pictures, and the commands that make them."""
+def _study_lines(study: Results, root: Path, heading: str, publication: Publication | None) -> list[str]:
+    """One study: what it is and amounts to, its table, its pictures, and the commands that make them."""
     folder = study.folder.relative_to(root).as_posix()
+    findings = study.experiment.findings(study.rows, publication.argument if publication else None)
     lines = [
         f'<a id="{_anchor(study.folder, root)}"></a>',
         "",
@@ -116,6 +117,7 @@ def _study_lines(study: Results, root: Path, heading: str) -> list[str]:
         "",
         _summary(study),
         "",
+        *([findings, ""] if findings else []),
         *markdown_of(study.main_table),
         "",
         study.main_table.notes,

@@ -78,6 +78,11 @@ class Publication:
         """The datasets whose results are compared with the publication's claims."""
         return tuple(self._data["datasets"])
 
+    @property
+    def argument(self) -> Mapping[str, Any] | None:
+        """What it argues against other methods: ``claim``, and ``against``, their names; None if it does not."""
+        return self._data.get("argument")
+
     def section(self, study: str, rows: pd.DataFrame) -> str:
         """The section that a study is about, "" if the publication has none about what the rows are of."""
         return str(self._of_study(study, rows).get("section", ""))

@@ -70,7 +70,7 @@ class HeatWalkRobust(HeatWalk):
     min_area: float = Options.min_area
 
     algorithm_version: ClassVar[str] = f"{heatwalk.ALGORITHM_VERSION}.{ROBUST_VERSION}"
-    about: ClassVar[About] = About(title="Heat Walk, robust", source=f"This project, after {HeatWalk.about.source}")
+    about: ClassVar[About] = About(title="Robust Heat Walk", source=f"This project, after {HeatWalk.about.source}")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -17,6 +17,7 @@ from studies.datasets import Dataset, Model
 from studies.experiments.change import Change, ChangeTrial, Part
 from studies.experiments.experiment import Experiment, require_whole_number
 from studies.experiments.leaderboard import tables
+from studies.experiments.leaderboard.findings import sentences
 from studies.experiments.leaderboard.scores import Options, Scores
 from studies.experiments.leaderboard.variants import MADE
 from studies.planning.errors import StudyError
@@ -195,6 +196,10 @@ class Leaderboard(Experiment):
             "board.tex": export.board_for_latex(tables["table"], title),
             "board.json": export.as_json(tables, rows, title),
         }
+
+    def findings(self, rows: pd.DataFrame, argument: Mapping[str, Any] | None = None) -> str:
+        """Who changes least, how the reference compares with the methods that an argument is about, who is accurate."""
+        return sentences(self.scores(rows), argument)
 
     def extent(self, rows: pd.DataFrame) -> str:
         """Models, methods, perturbations, strengths and trials."""

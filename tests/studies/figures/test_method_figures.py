@@ -89,7 +89,7 @@ def trials(monkeypatch):
     return [
         SimpleNamespace(
             trial_id=f"id-{model.name}", model=model, segmenter=segmenter, segmenter_name="HeatWalk", part="shapes",
-            poses=(model,), group_key=f"key-{model.name}",
+            poses=(model,), group_key=f"key-{model.name}", segmenter_of_shape=lambda: segmenter,
         )
         for model in Bundled(["ant", "cow"]).models()
     ]  # fmt: skip

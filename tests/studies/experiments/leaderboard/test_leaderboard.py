@@ -250,7 +250,7 @@ def test_the_files_say_the_same(real):
     document = json.loads((folder / "board.json").read_text("utf-8"))
     assert [method["name"] for method in document["methods"]] == board.index.tolist()
     walk = next(method for method in document["methods"] if method["name"] == "HeatWalk")
-    assert walk["bibtex"].startswith("@article{benjamin2011heat,")
+    assert walk["bibtex"].startswith("@article{benjamin2011heatwalk,")
     assert walk["options"]["time"] == 1
     for method in document["methods"]:
         assert method["scores"]["mce"] == pytest.approx(board.loc[method["name"], "mce"], rel=1e-5)
