@@ -221,7 +221,7 @@ def test_help_lists_what_there_is(tmp_path):
 def test_help_calls_a_group_as_its_option_is_called(tmp_path):
     done = typed(tmp_path, "--help")
     assert "\n  publication: heat_walk_2011 " in done.stdout
-    assert "\nstudy=\n  affine  " in done.stdout
+    assert "\nstudy=\n  ablation  " in done.stdout
     assert "\n  custom  " in done.stdout
     assert "paper=" not in done.stdout
 
@@ -283,7 +283,14 @@ def test_a_study_that_has_nothing_to_run_is_a_mistake(folder):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), ["type +study=NAME", "NAME one of affine, anatomy, bending, ", "holes, local_scale, micro_holes"]),
+        (
+            (),
+            [
+                "type +study=NAME",
+                "NAME one of ablation, affine, anatomy, bending, ",
+                "holes, leaderboard, local_scale, micro_holes",
+            ],
+        ),
         (("+study=shotnoise",), ["Could not find 'study/shotnoise'", "shot_noise"]),
         (("+study=holes", "dataset=pbs"), ["Could not find 'dataset/pbs'", "psb"]),
         (("+study=holes", "repeat=3"), ["Could not override 'repeat'", "repeats, results_dir, trial.timeout"]),
