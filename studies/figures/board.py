@@ -44,7 +44,7 @@ def charts(scores: Scores, parts: Mapping[str, Part], title: str) -> dict[str, C
     titles = {
         name: parts[name].title if name in parts else name.replace("_", " ").capitalize() for name in scores.parts
     }
-    found = {"curves": curves(scores, titles, title), "heat_map": heat_map(scores, titles, title)}
+    found = {"curves": curves(scores, parts, titles, title), "heat_map": heat_map(scores, titles, title)}
     if not scores.board["mce"].isna().all():
         found["ranks"] = ranks(scores, title)
         if not scores.board["rand_original"].isna().all():
@@ -121,13 +121,17 @@ def ranks(scores: Scores, title: str) -> Chart:
     return Chart(title, tuple(panels), subtitle=f"{intervals}{subtitle}; lower is better".removeprefix("; "))
 
 
-def curves(scores: Scores, titles: Mapping[str, str], title: str) -> Chart:
-    """Mean Change Percentage by strength: a panel per perturbation, a line per method."""
+def curves(scores: Scores, parts: Mapping[str, Part], titles: Mapping[str, str], title: str) -> Chart:
+    """Mean Change Percentage by strength, in the order of the study: a panel per perturbation, a line per method."""
     means = scores.change.T.groupby(level=[0, 1], sort=False).mean().T
     order = list(scores.board["segmenter"])
     panels = []
     for i, part in enumerate(scores.parts):
         of_part = means[part]
+        levels = (
+            [float(level) for level in (parts[part].levels or ()) if float(level) in of_part] if part in parts else []
+        )
+        of_part = of_part[[*levels, *(level for level in sorted(of_part) if level not in levels)]]
         strengths = tuple(float(n + 1) for n in range(len(of_part.columns)))
         panels.append(
             Panel(

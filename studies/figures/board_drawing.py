@@ -44,6 +44,7 @@ COLOURS = 6  # before they repeat with another line
 PANEL_HEIGHT = 1.12
 WIDE_ERRORS = 4.0  # largest over smallest Rand Index error from which on its axis is logarithmic
 ERRORS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8)
+NEARER = 0.03  # inches by which a name must be nearer to its point than to any other
 WIDE = 6.0  # mean corruption error from which on its axis is compressed above 1
 
 
@@ -192,6 +193,11 @@ class _Box:
         up = min(self.top, other.top) - max(self.bottom, other.bottom)
         return across * up if across > 0 and up > 0 else 0.0
 
+    def distance(self, point: tuple[float, float]) -> float:
+        """How far a point is from the rectangle."""
+        x, y = point
+        return math.dist((min(max(x, self.left), self.right), min(max(y, self.bottom), self.top)), point)
+
 
 def _write_names(figure: Figure, axes: Axes, scatter: Scatter) -> None:
     """Write the name of each point next to it, where it covers neither points nor other names."""
@@ -207,7 +213,8 @@ def _write_names(figure: Figure, axes: Axes, scatter: Scatter) -> None:
     taken = [_Box(x - 0.05, y - 0.05, x + 0.05, y + 0.05) for _, x, y in named]
     for name, x, y in sorted(named, key=lambda point: (-point[2], point[1])):
         size = (width(name, SMALL) + 0.04, 0.12)
-        best = min(_places(x, y, size), key=lambda place: _cost(place, x, y, inside, taken))
+        others = [(at_x, at_y) for _, at_x, at_y in named if (at_x, at_y) != (x, y)]
+        best = min(_places(x, y, size), key=lambda place: _cost(place, (x, y), others, inside, taken))
         taken.append(best)
         at = ((best.left + best.right) / 2, (best.bottom + best.top) / 2)
         nearest = (min(max(x, best.left), best.right), min(max(y, best.bottom), best.top))
@@ -231,13 +238,16 @@ def _places(x: float, y: float, size: tuple[float, float]) -> Iterator[_Box]:
         yield _Box(at[0] - across / 2, at[1] - up / 2, at[0] + across / 2, at[1] + up / 2)
 
 
-def _cost(place: _Box, x: float, y: float, inside: _Box, taken: Sequence[_Box]) -> float:
-    """What speaks against a place: what it covers, how much of it is outside the axes, and how far it is."""
+def _cost(
+    place: _Box, point: tuple[float, float], others: Sequence[tuple[float, float]], inside: _Box, taken: Sequence[_Box]
+) -> float:
+    """What speaks against a place: what it covers, what is outside, its distance, and points nearer to it."""
     area = (place.right - place.left) * (place.top - place.bottom)
     outside = area - place.overlap(inside)
     covered = sum(place.overlap(other) for other in taken)
-    nearest = (min(max(x, place.left), place.right), min(max(y, place.bottom), place.top))
-    return 100 * covered + 50 * outside + math.dist(nearest, (x, y))
+    distance = place.distance(point)
+    nearer = sum(place.distance(other) < distance + NEARER for other in others)
+    return 100 * covered + 50 * outside + distance + nearer
 
 
 def _draw_grid(chart: Chart, panels: Sequence[Panel]) -> Figure:

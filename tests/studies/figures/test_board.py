@@ -101,6 +101,14 @@ def test_lines_of_methods_all_look_different_and_go_through_the_means():
                 assert sum(mean) / len(mean) == pytest.approx(scores.mean_change.loc[name, part])
 
 
+def test_strengths_are_in_the_order_of_the_study_whatever_the_order_of_the_rows():
+    rows = rows_of({"HeatWalk": {"decimation": [[9.0], [1.0], [5.0]]}})
+    rows["level"] = rows["level"].map({0.0: 0.1, 1.0: 0.9, 2.0: 0.5})
+    part = Part(title="Decimation", levels=[0.9, 0.5, 0.1])
+    (panel,) = board.charts(Scores(rows, Options()), {"decimation": part}, TITLE)["curves"].panels
+    assert panel.series[0].y == (1.0, 5.0, 9.0)
+
+
 def test_without_ground_truth_or_reference_the_charts_that_need_them_are_left_out():
     rows = rows_of({"HeatWalk": {"holes": [[1, 2]]}, "cuts": {"holes": [[2, 3]]}})
     named = {"holes": Part(title="Holes")}
