@@ -11,7 +11,7 @@ from studies.experiments.leaderboard.scores import Scores
 from studies.reporting.text import count_of
 
 if TYPE_CHECKING:
-    Row = Mapping[str, Any]
+    Row = Mapping[Any, Any]
 
 
 def sentences(scores: Scores, argument: Mapping[str, Any] | None = None) -> str:
@@ -99,7 +99,7 @@ def _front(scores: Scores, rows: Mapping[str, Row]) -> str:
 
 def _with_error(row: Row) -> str:
     """A method with its mean corruption error."""
-    interval = "" if pd.isna(row["mce_low"]) else f", {row['mce_low']:.2f} – {row['mce_high']:.2f}"
+    interval: str = "" if pd.isna(row["mce_low"]) else f", {row['mce_low']:.2f} – {row['mce_high']:.2f}"
     return f"{row['method']} ({row['mce']:.2f}{interval})"
 
 
