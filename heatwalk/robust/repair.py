@@ -35,11 +35,13 @@ class Repair:
     max_hole : float
         largest hole that is filled: the area of a disc with its perimeter, as a share of the area of the surface
     strength : float
-        of the fairing: sweeps for noise of one edge length
+        of the fairing: sweeps for a level of noise of 1, if nothing were tolerated
+    tolerance : float
+        level of noise of clean surfaces, up to which nothing is smoothed
     max_sweeps : int
         sweeps of the fairing at most
-    max_decrease : float
-        twice as many sweeps are made as long as that decreases the area by more than this share
+    max_restored : float
+        how far vertices are moved back along the smoothed surface at most, in mean lengths of the edges around them
     """
 
     cut_handles: bool = True
@@ -49,12 +51,13 @@ class Repair:
     max_handle: float = 0.12
     min_excess: float = 3.2
     max_hole: float = 0.02
-    strength: float = 20.0
+    strength: float = 11.0
+    tolerance: float = 0.05
     max_sweeps: int = 512
-    max_decrease: float = 0.15
+    max_restored: float = 0.15
 
     def __post_init__(self) -> None:
-        for name in ("max_handle", "min_excess", "max_hole", "strength", "max_decrease"):
+        for name in ("max_handle", "min_excess", "max_hole", "strength", "tolerance", "max_restored"):
             value = getattr(self, name)
             if not 0 <= value < np.inf:
                 raise ValueError(f"{name} must be at least 0 and finite, got {value!r}")
@@ -136,8 +139,9 @@ def repaired(vertices: NDArray[np.float64], faces: NDArray[np.int64], options: R
             surface,
             *neighbours,
             strength=options.strength,
+            tolerance=options.tolerance,
             max_sweeps=options.max_sweeps,
-            max_decrease=options.max_decrease,
+            max_restored=options.max_restored,
         )
     kept = np.arange(len(vertices)) < n
     kept[surface] = True

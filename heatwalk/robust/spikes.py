@@ -9,7 +9,7 @@ half may be spikes themselves. It is moved there if its distance from it is beyo
             w(v) = geometric median of the neighbours of v;  r(v) = |v - w(v)|
             l(v) = median length of the edges of v
         move each vertex v to w(v) where
-            r(v) > 1.5 · median of l over the neighbours of v, and r(v) > 3 · median of r over the neighbours of v
+            r(v) > .75 · median of l over the neighbours of v, and r(v) > 3 · median of r over the neighbours of v
 
 Where edges are long, or where the surface is rough, the neighbours of a vertex have the same: on clean meshes of the
 benchmark no vertex moves, or a few that are spikes indeed.
@@ -26,7 +26,7 @@ from heatwalk.numerics.compilation import compiled
 PASSES = 3
 
 # How many edge lengths a vertex may be away from the median of its neighbours.
-MAX_EDGES = 1.5
+MAX_EDGES = 0.75
 
 # How many times the median residual of its neighbours a vertex may be away from their median.
 MAX_RESIDUAL = 3.0
