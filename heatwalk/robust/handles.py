@@ -99,6 +99,9 @@ def _part_contacts(
     """
     n = len(vertices)
     partner = partners(faces, n)
+    n_fans, n_used = _count_fans(faces, partner), np.count_nonzero(np.bincount(faces.ravel(), minlength=n))
+    if n_fans == n_used:
+        return vertices, faces, 0
     open_at = np.zeros(n, np.bool_)
     sides = np.flatnonzero(partner < 0)
     open_at[faces[sides // 3, sides % 3]] = open_at[faces[sides // 3, (sides + 1) % 3]] = True
@@ -229,6 +232,13 @@ def fan_of_corners(faces: NDArray[np.int64], partner: NDArray[np.int64]) -> NDAr
 
 
 @compiled
+def _count_fans(faces: NDArray[np.int64], partner: NDArray[np.int64]) -> int:
+    """Number of fans; that of the vertices with faces if there is one around each."""
+    fan = fan_of_corners(faces, partner)
+    return int(np.count_nonzero(fan == np.arange(len(fan))))
+
+
+@compiled
 def _root(parent: NDArray[np.int64], node: int) -> int:
     """Root of the tree of a node; shortens the path to it on the way."""
     while parent[node] != node:
@@ -300,10 +310,11 @@ class ClosedCopy:
     @property
     def genus(self) -> int:
         """Sum over the components of 1 - χ / 2 with the Euler characteristic χ; twice that if it is not orientable."""
-        used = np.unique(self.faces)
-        n_components = len(np.unique(vertex_components(len(self.origin), self.faces)[used]))
-        euler = len(used) - len(self.partner) // 2 + len(self.faces)
-        return n_components - euler // 2
+        used = np.bincount(self.faces.ravel(), minlength=len(self.origin)) > 0
+        component = vertex_components(len(self.origin), self.faces)
+        n_components = np.count_nonzero(np.bincount(component[used]))
+        euler = np.count_nonzero(used) - len(self.partner) // 2 + len(self.faces)
+        return int(n_components - euler // 2)
 
 
 def closed_copy(faces: NDArray[np.int64], n_vertices: int) -> ClosedCopy:

@@ -63,27 +63,34 @@ def remove_spikes(
     >>> np.flatnonzero(moved), mended[12]
     (array([12]), array([2., 2., 0.]))
     """
-    moved = np.zeros(len(vertices), np.bool_)
+    n = len(vertices)
+    vertices, moved, stale = vertices.copy(), np.zeros(n, np.bool_), np.ones(n, np.bool_)
+    median, residual, length = np.empty((n, 3)), np.zeros(n), np.zeros(n)
     for _ in range(PASSES):
-        place, spike = _find_spikes(vertices, starts, neighbours)
+        _measure(vertices, starts, neighbours, stale, median, residual, length)
+        spike = _find_spikes(starts, neighbours, residual, length)
         if not spike.any():
             break
-        vertices = np.where(spike[:, None], place, vertices)
+        vertices[spike] = median[spike]
         moved |= spike
+        stale = _with_neighbours(spike, starts, neighbours)
     return vertices, moved
 
 
 @compiled
-def _find_spikes(
-    vertices: NDArray[np.float64], starts: NDArray[np.int64], neighbours: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """The median of the neighbours of each vertex, and which vertices are spikes."""
-    n = len(vertices)
-    median, residual, length = np.empty((n, 3)), np.zeros(n), np.zeros(n)
-    for v in range(n):
+def _measure(
+    vertices: NDArray[np.float64],
+    starts: NDArray[np.int64],
+    neighbours: NDArray[np.int64],
+    stale: NDArray[np.bool_],
+    median: NDArray[np.float64],
+    residual: NDArray[np.float64],
+    length: NDArray[np.float64],
+) -> None:
+    """For each stale vertex the median of its neighbours, its distance from that, and its median edge length."""
+    for v in range(len(vertices)):
         around = neighbours[starts[v] : starts[v + 1]]
-        if len(around) < 3:
-            median[v] = vertices[v]
+        if not stale[v] or len(around) < 3:
             continue
         edges = np.empty(len(around))
         for i in range(len(around)):
@@ -91,12 +98,34 @@ def _find_spikes(
         length[v] = _median(edges)
         median[v] = _geometric_median(vertices, around)
         residual[v] = _distance(vertices[v], median[v])
+
+
+@compiled
+def _find_spikes(
+    starts: NDArray[np.int64],
+    neighbours: NDArray[np.int64],
+    residual: NDArray[np.float64],
+    length: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Which vertices are spikes: (n,) bool array."""
+    n = len(residual)
     spike = np.zeros(n, np.bool_)
     for v in range(n):
         around = neighbours[starts[v] : starts[v + 1]]
         if len(around) >= 3 and residual[v] > MAX_EDGES * _median(length[around]):
             spike[v] = residual[v] > MAX_RESIDUAL * _median(residual[around])
-    return median, spike
+    return spike
+
+
+@compiled
+def _with_neighbours(
+    chosen: NDArray[np.bool_], starts: NDArray[np.int64], neighbours: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """The chosen vertices and their neighbours: (n,) bool array."""
+    result = chosen.copy()
+    for v in np.flatnonzero(chosen):
+        result[neighbours[starts[v] : starts[v + 1]]] = True
+    return result
 
 
 @compiled
