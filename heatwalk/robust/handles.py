@@ -21,8 +21,8 @@ How many edges the loop has plays no role.
             remove the faces at the copies, which are all of a tube without vertices of its own; fill what is opened
 
 What is shaped like a real handle cannot be told apart from one: a tube longer than wide that has rings of vertices of
-its own, and is narrowest there, looks like the rung of a chair, and stays. Parts that are welded along a patch have
-edges of more than two faces, and are left alone too.
+its own, and is narrowest there, looks like the rung of a chair, and stays. Parts that are welded, vertex by vertex,
+are parted by `heatwalk.robust.welds` before.
 
 References
 ----------
@@ -99,13 +99,13 @@ def _part_contacts(
     """
     n = len(vertices)
     partner = partners(faces, n)
-    n_fans, n_used = _count_fans(faces, partner), np.count_nonzero(np.bincount(faces.ravel(), minlength=n))
+    n_fans, n_used = count_fans(faces, partner), np.count_nonzero(np.bincount(faces.ravel(), minlength=n))
     if n_fans == n_used:
         return vertices, faces, 0
     open_at = np.zeros(n, np.bool_)
     sides = np.flatnonzero(partner < 0)
     open_at[faces[sides // 3, sides % 3]] = open_at[faces[sides // 3, (sides + 1) % 3]] = True
-    parted, origin = split_fans(faces, partner, n, _corner_angles(vertices, faces), ~open_at)
+    parted, origin = split_fans(faces, partner, n, corner_angles(vertices, faces), ~open_at)
     if len(origin) == n:
         return vertices, faces, 0
     vertices = vertices[origin]
@@ -174,7 +174,7 @@ def _cut(
     cut = np.sort(np.concatenate(edges), axis=1)
     a, b = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     partner[np.isin(np.minimum(a, b) * n + np.maximum(a, b), cut[:, 0] * n + cut[:, 1])] = BOUNDARY
-    faces, origin = split_fans(faces, partner, n, _corner_angles(vertices, faces), at_cut)
+    faces, origin = split_fans(faces, partner, n, corner_angles(vertices, faces), at_cut)
     # Copies have no label: the faces at them can go, and with them what is left of a tube without vertices of its own.
     gone = (faces >= n).any(axis=1)
     bare = np.ones(len(origin), np.bool_)
@@ -195,11 +195,11 @@ def _reduced(word: int, basis: list[int]) -> int:
 
 def _angle_excess(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
     """Sum of the angles around each vertex minus 2π: (n,) float array."""
-    angles = np.bincount(faces.ravel(), _corner_angles(vertices, faces), len(vertices))
+    angles = np.bincount(faces.ravel(), corner_angles(vertices, faces), len(vertices))
     return np.asarray(angles - 2 * np.pi, np.float64)
 
 
-def _corner_angles(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+def corner_angles(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
     """Angle of each corner of each face: (3 m,) float array."""
     angles = np.empty(faces.shape)
     for i in range(3):
@@ -232,7 +232,7 @@ def fan_of_corners(faces: NDArray[np.int64], partner: NDArray[np.int64]) -> NDAr
 
 
 @compiled
-def _count_fans(faces: NDArray[np.int64], partner: NDArray[np.int64]) -> int:
+def count_fans(faces: NDArray[np.int64], partner: NDArray[np.int64]) -> int:
     """Number of fans; that of the vertices with faces if there is one around each."""
     fan = fan_of_corners(faces, partner)
     return int(np.count_nonzero(fan == np.arange(len(fan))))

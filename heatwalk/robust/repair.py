@@ -12,6 +12,7 @@ from heatwalk.robust.half_edges import NON_MANIFOLD, adjacency, partners
 from heatwalk.robust.handles import cut_thin_handles
 from heatwalk.robust.holes import fill_small_holes
 from heatwalk.robust.spikes import remove_spikes
+from heatwalk.robust.welds import part_welds
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Repair:
     Parameters
     ----------
     cut_handles : bool
-        see `heatwalk.robust.handles`
+        see `heatwalk.robust.handles` and `heatwalk.robust.welds`
     fill_holes : bool
         see `heatwalk.robust.holes`
     remove_spikes : bool
@@ -76,9 +77,9 @@ class Repaired:
     faces : (m', 3) int array
         of a face that is there several times only the first is left
     report : dict of str to int
-        ``holes_filled``, ``handles_cut``, ``contacts_parted`` (spikes with their tips on the surface),
-        ``vertices_moved`` (other spikes), ``sweeps`` (of the fairing), and ``nonmanifold_edges``, which are left
-        as they are
+        ``nonmanifold_edges`` (of the mesh as it is), ``welds_parted`` (vertices), ``holes_filled``, ``handles_cut``,
+        ``contacts_parted`` (spikes with their tips on the surface), ``vertices_moved`` (other spikes), and ``sweeps``
+        (of the fairing)
     """
 
     vertices: NDArray[np.float64]
@@ -117,12 +118,15 @@ def repaired(vertices: NDArray[np.float64], faces: NDArray[np.int64], options: R
     surface = surface[~repeats_earlier_face(surface)]
     report: dict[str, Any] = {
         "nonmanifold_edges": _count_nonmanifold_edges(surface, n),
+        "welds_parted": 0,
         "holes_filled": 0,
         "handles_cut": 0,
         "contacts_parted": 0,
         "vertices_moved": 0,
         "sweeps": 0,
     }
+    if options.cut_handles:
+        vertices, surface, report["welds_parted"] = part_welds(vertices, surface)
     if options.fill_holes:
         vertices, surface, report["holes_filled"] = fill_small_holes(vertices, surface, options.max_hole)
     if options.cut_handles:
