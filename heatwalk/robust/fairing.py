@@ -12,11 +12,11 @@ measured, and the filter leaves what is larger than a few edges where it is.
     m     = round(strength · (√level - √tolerance)), measured again with that m until it hardly grows
     V'    = S, and of V - S what is along the surface, up to a share of the edges around
 
-White noise of σ edge lengths has a level of about 1.3 σ; of clean benchmark meshes it is up to .08, of such with a tenth
-of their triangles .09 to .2, because (I - N)² V is the change of the curvature there. Noise of more than an edge length
-makes edges as long as itself; those of the smoothed surface tell how much it is. With the root, noise of .1, 1 and 10
-edge lengths takes 1, 9 and 32 sweeps: what is lost of thin limbs grows in proportion to the sweeps, the roughness that
-is left of the noise falls in proportion to them, and twice as many were worse from one edge length on.
+White noise of σ edge lengths has a level of about 1.3 σ; of clean benchmark meshes it is up to .08, of such with a
+tenth of their triangles .09 to .2, because (I - N)² V is the change of the curvature there. Noise of more than an edge
+length makes edges as long as itself; those of the smoothed surface tell how much it is. With the root, noise of .1, 1
+and 10 edge lengths takes 2, 10 and 37 sweeps: what is lost of thin limbs grows with the sweeps as the roughness that is
+left of the noise falls, and from one edge length on, twice as many were worse.
 
 The filter V - (I - P^m)³ V is P^m twice mended by the smoothed residual: a mode that P^m leaves as 1 - ε, it leaves as
 1 - ε³. Whether an edge is long or short plays no role for what it leaves in place. But averaging also evens out how the

@@ -4,11 +4,14 @@ Where two fingers that touch were merged, the surface is no manifold: edges have
 around them, and heat flows from one finger to the other. The two sheets of the surface face each other there, so that
 their normals tell which faces belong together:
 
-    at each edge of more than two faces, join those two on different sides of it whose normals are nearest to each other,
-        then the next two; what remains of an odd number is left open
+    at each edge of more than two faces, join those two on different sides of it whose normals are nearest to each
+        other, then the next two; what remains of an odd number is left open
     give each fan of faces around a vertex a vertex of its own, if
         no face is missing around it: holes part fans, too, and are filled later, and
         its fans are joined to each other elsewhere along edges: so no surface falls apart
+
+It is a guess where vertices were merged across each other, so that the sheets are folded, and where a face of one lies
+on a face of the other, of which only one is left: the hole in the other sheet is filled with the small holes.
 """
 
 import numpy as np
@@ -80,7 +83,7 @@ def _unit_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> ND
 def _with_sheets_joined(
     faces: NDArray[np.int64], partner: NDArray[np.int64], normals: NDArray[np.float64], n_vertices: int
 ) -> NDArray[np.int64]:
-    """The partners of the sides, also of those at edges of more than two faces: (3 m,) int array, none `NON_MANIFOLD`."""
+    """The partners of the sides, also of those at edges of more than two faces: (3 m,) int array."""
     sides = np.flatnonzero(partner == NON_MANIFOLD)
     a, b = faces[sides // 3, sides % 3], faces[sides // 3, (sides + 1) % 3]
     key = np.minimum(a, b) * n_vertices + np.maximum(a, b)

@@ -73,7 +73,9 @@ def test_more_noise_takes_more_sweeps(mesh):
 def test_the_level_of_noise_is_that_of_white_noise_in_edge_lengths(mesh):
     """(I - N)² has the gain (1 - k)² for a mode k of N: for white noise √(1 + 8/d + …) ≈ 1.3 at six neighbours."""
     vertices, faces = arrays(NormalNoise(amount=0.05)(mesh, np.random.default_rng(0)).mesh)
-    assert noise_level(vertices, arrays(mesh)[0], faces, *adjacency(faces, len(vertices))) == pytest.approx(1.3 * 0.05, rel=0.15)
+    assert noise_level(vertices, arrays(mesh)[0], faces, *adjacency(faces, len(vertices))) == pytest.approx(
+        1.3 * 0.05, rel=0.15
+    )
 
 
 def test_a_turned_scaled_and_renumbered_surface_is_faired_alike(noisy):
@@ -86,3 +88,37 @@ def test_a_turned_scaled_and_renumbered_surface_is_faired_alike(noisy):
     other, sweeps_there = faired(moved, rng.permutation(number[faces]))
     assert sweeps_there == sweeps
     assert other[number] == pytest.approx(3 * turn.apply(smooth), abs=1e-9)
+
+
+def test_noise_of_many_edge_lengths_is_measured_in_those_of_the_smooth_surface(mesh):
+    vertices, faces = arrays(NormalNoise(amount=5.0)(mesh, np.random.default_rng(0)).mesh)
+    neighbours = adjacency(faces, len(vertices))
+    assert noise_level(vertices, vertices, faces, *neighbours) < 1
+    assert noise_level(vertices, arrays(mesh)[0], faces, *neighbours) == pytest.approx(1.3 * 5, rel=0.15)
+    assert noise_level(vertices, smoothed(vertices, *neighbours, 40), faces, *neighbours) == pytest.approx(6.5, rel=0.3)
+
+
+def test_sweeps_are_in_proportion_to_the_root_of_the_level(mesh, noisy):
+    vertices, faces = noisy
+    neighbours = adjacency(faces, len(vertices))
+    sweeps = faired(vertices, faces)[1]
+    level = noise_level(vertices, smoothed(vertices, *neighbours, sweeps), faces, *neighbours)
+    assert sweeps == pytest.approx(11 * (np.sqrt(level) - np.sqrt(0.05)), abs=1)
+
+
+def test_vertices_stay_where_they_are_along_the_surface(mesh):
+    """Of an unevenly sampled surface: averaging alone evens the sampling out."""
+    rng = np.random.default_rng(0)
+    edge = np.linalg.norm(np.diff(mesh.vertices[mesh.edges_unique], axis=1), axis=2).mean()
+    normals = np.array(mesh.vertex_normals)
+    shift = rng.uniform(-0.3 * edge, 0.3 * edge, normals.shape)
+    vertices = np.array(mesh.vertices + shift - np.sum(shift * normals, axis=1)[:, None] * normals)
+    rough = vertices + 0.15 * edge * rng.normal(size=(len(normals), 1)) * normals
+    neighbours = adjacency(arrays(mesh)[1], len(vertices))
+    drift = {}
+    for restored in (0.0, 0.15):
+        smooth, sweeps = fair(rough, arrays(mesh)[1], *neighbours, **{**OPTIONS, "max_restored": restored})
+        assert sweeps > 0
+        moved = smooth - vertices
+        drift[restored] = np.linalg.norm(moved - np.sum(moved * normals, axis=1)[:, None] * normals, axis=1).mean()
+    assert drift[0.15] < 0.3 * drift[0.0]

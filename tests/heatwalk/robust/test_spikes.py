@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
+from heatwalk.robust import spikes
 from heatwalk.robust.half_edges import adjacency
 from heatwalk.robust.spikes import remove_spikes
+from perturb import as_trimesh
 from tests.heatwalk.robust.meshes import arrays, blob
 
 
@@ -42,3 +45,38 @@ def test_a_turned_and_scaled_shape_is_mended_alike(surface, spiky):
     turned, moved_there = remove_spikes(5 * turn.apply(spiky[0]), *neighbours)
     assert np.array_equal(moved_there, moved)
     assert turned == pytest.approx(5 * turn.apply(mended), abs=1e-9)
+
+
+def test_spikes_of_one_edge_length_are_found(surface):
+    vertices, faces = surface
+    mesh = as_trimesh(vertices, faces)
+    ends = mesh.edges_unique.ravel()
+    lengths = np.bincount(ends, np.repeat(mesh.edges_unique_length, 2)) / np.bincount(ends)
+    is_spike = np.random.default_rng(0).random(len(vertices)) < 0.06
+    rough = vertices + (is_spike * lengths)[:, None] * mesh.vertex_normals
+    _, moved = remove_spikes(rough, *adjacency(faces, len(vertices)))
+    assert np.mean(moved[is_spike]) > 0.9
+    assert np.mean(moved[~is_spike]) < 0.01
+
+
+def test_sharp_edges_stay():
+    """Long triangles at the rims of a wheel: its vertices are far from the median of their neighbours."""
+    wheel = trimesh.creation.annulus(r_min=0.8, r_max=1.0, height=0.2, sections=32)
+    vertices, faces = arrays(wheel)
+    _, moved = remove_spikes(vertices, *adjacency(faces, len(vertices)))
+    assert not moved.any()
+
+
+def test_passes_measure_again_all_that_has_changed(surface, spiky, monkeypatch):
+    vertices, neighbours = spiky[0], adjacency(surface[1], len(surface[0]))
+    rng = np.random.default_rng(1)
+    vertices = vertices * (1 + 0.4 * (rng.random((len(vertices), 1)) < 0.25))  # spikes next to spikes
+    at_once, moved = remove_spikes(vertices, *neighbours)
+    monkeypatch.setattr(spikes, "PASSES", 1)
+    union = np.zeros(len(vertices), bool)
+    for _ in range(3):
+        vertices, moved_now = remove_spikes(vertices, *neighbours)
+        assert moved_now.any()
+        union |= moved_now
+    assert np.array_equal(at_once, vertices)
+    assert np.array_equal(moved, union)

@@ -10,7 +10,6 @@ from perturb import Welding, as_trimesh
 from studies.metrics import change_percentage
 from tests.heatwalk.robust.meshes import arrays, blob
 
-
 N = 9  # vertices along each side of the slab
 
 
@@ -81,7 +80,7 @@ def test_ends_welded_together_are_segmented_as_before():
 
 def test_two_solids_that_touch_in_an_edge_stay_together():
     box = trimesh.creation.box()
-    vertices = np.concatenate([box.vertices, box.vertices + [1.0, 1.0, 0.0]])
+    vertices = np.concatenate([box.vertices, box.vertices + np.array([1.0, 1.0, 0.0])])
     vertices, number = np.unique(vertices.round(9), axis=0, return_inverse=True)
     faces = number[np.concatenate([box.faces, box.faces + 8])]
     assert len(vertices) == 14
