@@ -47,7 +47,7 @@ def test_a_turned_and_scaled_shape_is_mended_alike(surface, spiky):
     assert turned == pytest.approx(5 * turn.apply(mended), abs=1e-9)
 
 
-def test_spikes_of_one_edge_length_are_found(surface):
+def test_most_spikes_of_one_edge_length_are_found_and_nothing_else(surface):
     vertices, faces = surface
     mesh = as_trimesh(vertices, faces)
     ends = mesh.edges_unique.ravel()
@@ -55,8 +55,8 @@ def test_spikes_of_one_edge_length_are_found(surface):
     is_spike = np.random.default_rng(0).random(len(vertices)) < 0.06
     rough = vertices + (is_spike * lengths)[:, None] * mesh.vertex_normals
     _, moved = remove_spikes(rough, *adjacency(faces, len(vertices)))
-    assert np.mean(moved[is_spike]) > 0.9
-    assert np.mean(moved[~is_spike]) < 0.01
+    assert np.mean(moved[is_spike]) > 0.75
+    assert not moved[~is_spike].any()
 
 
 def test_sharp_edges_stay():
