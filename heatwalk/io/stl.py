@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from heatwalk.io.numbers import BYTE_ORDER_MARK, line_number, parse_numbers, reject_bad_word
 from heatwalk.io.polygons import RawMesh, check_complete, surplus_note
+from heatwalk.io.welding import merge_equal
 from heatwalk.meshes import MeshError
 
 _HEADER_SIZE = 84  # 80 bytes of any content, and the number of triangles
@@ -29,17 +30,27 @@ _NAME = re.compile(rb"(?:\A\s*|(?<=[\r\n])[ \t]*)(?:end[ \t]*)?solid\b[^\r\n]*[\
 _BEFORE = re.compile(rb"\s*solid\b.*", re.DOTALL)
 _AFTER = re.compile(rb"\s*end\s*solid\b.*", re.DOTALL)
 
+# The words of a facet as programs write it, where the keywords are, and where coordinates begin and end.
+_VERTEX = [b"vertex", b"", b"", b""]
+_WORDS = [b"facet", b"normal", b"", b"", b"", b"outer", b"loop", *_VERTEX, *_VERTEX, *_VERTEX, b"endloop", b"endfacet"]
+_KEYWORDS = [(place, word) for place, word in enumerate(_WORDS) if word]
+_RUNS = [8, 11, 12, 15, 16, 19]
+_LAST_WORD = _WORDS[-1]
+_PART = 4_000_000  # bytes of a file that are read at a time
+
 
 def read_stl(data: bytes) -> RawMesh:
     """Read the contents of an STL file; corners with exactly equal coordinates become one vertex."""
     n_declared = int.from_bytes(data[_HEADER_SIZE - 4 : _HEADER_SIZE], "little")
     is_binary = len(data) >= _HEADER_SIZE and len(data) == _HEADER_SIZE + n_declared * _RECORD.itemsize
     notes: tuple[str, ...] = ()
+    corners: NDArray
     if not is_binary and _is_text(data):
         corners = _read_text(data)
     else:
         corners, notes = _read_binary(data, n_declared)
-    vertices, rank = np.unique(corners + 0.0, axis=0, return_inverse=True)  # + 0.0 turns -0 into 0
+    corners += 0.0  # turns -0 into 0
+    vertices, rank = merge_equal(corners)
     faces = rank.reshape(-1, 3)
     return RawMesh(vertices, faces, len(faces), notes)
 
@@ -50,7 +61,7 @@ def _is_text(data: bytes) -> bool:
     return b"\0" not in text and re.match(rb"\s*solid\b", text, re.IGNORECASE) is not None
 
 
-def _read_binary(data: bytes, n_declared: int) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def _read_binary(data: bytes, n_declared: int) -> tuple[NDArray[np.float32], tuple[str, ...]]:
     """The corners in a binary file, (3m, 3), and what was ignored."""
     size = _HEADER_SIZE + n_declared * _RECORD.itemsize
     if len(data) < size or len(data) < _HEADER_SIZE:
@@ -65,12 +76,67 @@ def _read_binary(data: bytes, n_declared: int) -> tuple[NDArray[np.float64], tup
         )
     notes = surplus_note(data[size:], _RECORD.itemsize, "triangles")
     records = np.frombuffer(data, _RECORD, count=n_declared, offset=_HEADER_SIZE)
-    return records["corners"].reshape(-1, 3).astype(np.float64), notes
+    return records["corners"].reshape(-1, 3).astype(np.float32), notes
 
 
 def _read_text(data: bytes) -> NDArray[np.float64]:
     """The corners in an ASCII file, (3m, 3)."""
     text = data.removeprefix(BYTE_ORDER_MARK).rstrip(b"\0\x1a").lower()
+    corners = _read_plain_text(text)
+    return _read_any_text(text) if corners is None else corners
+
+
+def _read_plain_text(text: bytes) -> NDArray[np.float64] | None:
+    """The corners in a file of one solid whose facets have normals of three words; else None.
+
+    Whatever is unusual, or wrong, is left to `_read_any_text`.
+    """
+    first, last = _FACET.search(text), text.rfind(_LAST_WORD)
+    if first is None or last < first.start():
+        return None
+    last += len(_LAST_WORD)
+    before = text[: first.start()]
+    if not _BEFORE.fullmatch(before) or _FACET_BEGINS.search(_NAME.sub(b"", before)):
+        return None
+    if not _AFTER.fullmatch(text[last:]):
+        return None
+    parts: list[NDArray[np.float64]] = []
+    at = first.start()
+    while at < last:
+        end = text.rfind(_LAST_WORD, at, at + _PART) + len(_LAST_WORD)
+        values = _coordinates(text[at:end])
+        if values is None:
+            return None
+        parts.append(values)
+        at = end
+    return np.concatenate(parts).reshape(-1, 3)
+
+
+def _coordinates(facets: bytes) -> NDArray[np.float64] | None:
+    """The coordinates of the corners of facets that have all of `_WORDS`; None unless there is nothing else."""
+    octets = np.frombuffer(facets, np.uint8)
+    is_space = np.append(True, octets <= ord(" "))
+    words = np.flatnonzero(is_space[:-1] > is_space[1:])
+    if not len(words) or len(words) % len(_WORDS):
+        return None
+    words = words.reshape(-1, len(_WORDS))
+    padded = np.append(octets, np.zeros(len(_LAST_WORD) + 1, np.uint8))
+    # The eight octets from each position on, as a number.
+    eights = np.ndarray((len(octets) + 1,), "<u8", padded, strides=(1,))
+    for place, word in _KEYWORDS:
+        at = words[:, place]
+        bits = np.uint64(2 ** (8 * len(word)) - 1)
+        if (eights[at] & bits != int.from_bytes(word, "little")).any() or (padded[at + len(word)] > ord(" ")).any():
+            return None
+    runs = words[:, _RUNS].ravel()
+    is_coordinate = np.arange(len(runs) + 1) % 2 == 1
+    chosen = octets[np.repeat(is_coordinate, np.diff(runs, prepend=0, append=len(octets)))]
+    values, bad_word = parse_numbers(chosen.tobytes())
+    return values if bad_word is None else None
+
+
+def _read_any_text(text: bytes) -> NDArray[np.float64]:
+    """The corners in an ASCII file in lower case, (3m, 3), or MeshError."""
     facets: list[bytes] = []
     position = 0
     n_facets = 0
