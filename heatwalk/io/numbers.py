@@ -1,7 +1,9 @@
 """Numbers in text files, parsed in bulk."""
 
+import io
 import re
 import warnings
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,9 @@ _MAX_EXACT = 2.0**53
 
 # Texts of at least so many bytes are parsed by Arrow, which takes a fifth of the time, but some of it to load.
 _LARGE = 200_000
+
+# Rows that are formatted at a time.
+_BATCH = 65_536
 
 # White space of a text, each byte of it turned into the end of a line.
 _LINE_ENDS = bytes.maketrans(b" \t\r\v\f", b"\n\n\n\n\n")
@@ -65,6 +70,25 @@ def _parse_large(text: bytes) -> NDArray[np.float64] | None:
     except pa.ArrowInvalid:
         return None
     return table["value"].to_numpy()
+
+
+def format_rows(columns: Sequence[str | NDArray]) -> bytes:
+    """A line per row, its values separated by blanks; a column is an array of numbers, or one word for all rows.
+
+    Real numbers have the fewest digits from which they can be read back unchanged.
+    """
+    import pyarrow as pa
+    from pyarrow import csv
+
+    n_rows = max(len(column) for column in columns if not isinstance(column, str))
+    arrays = [pa.repeat(column, n_rows) if isinstance(column, str) else pa.array(column) for column in columns]
+    sink = io.BytesIO()
+    csv.write_csv(
+        pa.table(arrays, names=[str(i) for i in range(len(arrays))]),
+        sink,
+        csv.WriteOptions(include_header=False, delimiter=" ", quoting_style="none", batch_size=_BATCH),
+    )
+    return sink.getvalue()
 
 
 def is_number(word: bytes) -> bool:

@@ -5,12 +5,13 @@ resolves relative indices from the end of the file, and reads the invalid index 
 """
 
 import re
+from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk.io.numbers import BYTE_ORDER_MARK, is_number, parse_numbers, shown, to_integers
+from heatwalk.io.numbers import BYTE_ORDER_MARK, format_rows, is_number, parse_numbers, shown, to_integers
 from heatwalk.io.polygons import Polygons, RawMesh, raw_mesh
 from heatwalk.meshes import MeshError
 
@@ -251,3 +252,11 @@ def _reject(lines: list[bytes]) -> NoReturn:
                 if float(index) == 0:
                     raise MeshError(f"line {number}: a face refers to vertex 0, but OBJ counts vertices from 1")
     raise MeshError("contains a vertex or a face that cannot be read")
+
+
+# --- writing
+
+
+def write_obj(path: str | Path, vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> None:
+    """Write a triangle mesh with all digits of its coordinates; OSError if the file cannot be written."""
+    Path(path).write_bytes(format_rows(["v", *vertices.T]) + format_rows(["f", *(faces.T + 1)]))
