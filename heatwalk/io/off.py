@@ -152,7 +152,9 @@ def _read_plain_lines(body: bytes, numbers: Numbers, header: _Header) -> tuple[N
     positions = values[first[: header.n_vertices, None] + np.arange(header.dimension)]
     first, width = first[header.n_vertices : n_rows], width[header.n_vertices : n_rows]
     starts = words[first]
-    is_digit = (octets[starts] >= ord("0")) & (octets[starts] <= ord("9")) & is_space[np.minimum(starts + 2, len(octets))]
+    is_digit = (
+        (octets[starts] >= ord("0")) & (octets[starts] <= ord("9")) & is_space[np.minimum(starts + 2, len(octets))]
+    )
     sizes = values[first].astype(np.int64, copy=False) if is_digit.all() else None
     if sizes is None or (width <= sizes).any():
         return None

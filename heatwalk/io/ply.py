@@ -542,7 +542,7 @@ def _written_property(name: str, values: ArrayLike, n_vertices: int) -> NDArray:
         raise ValueError(f"the property {name!r} must have one number for each of the {n_vertices:,} vertices")
     if array.dtype.kind == "f":
         return array.astype("<f8")
-    if array.size and not (-(2**31) <= array.min() and array.max() < 2**31):
+    if array.size and not (array.min() >= -(2**31) and array.max() < 2**31):
         raise ValueError(f"the property {name!r} has integers beyond 32 bits")
     return array.astype("<i4")
 

@@ -165,7 +165,9 @@ def merge_equal(points: NDArray) -> tuple[NDArray, NDArray[np.int64]]:
         for axis in range(3):
             mixed = (mixed ^ bits[:, axis]) * _MIXER  # wraps around
             mixed ^= mixed >> np.uint64(29)
-        found = _merge_alike(points, *_sorted_with_place(mixed)) or _merge_alike(points, np.sort(mixed), np.argsort(mixed))
+        found = _merge_alike(points, *_sorted_with_place(mixed)) or _merge_alike(
+            points, np.sort(mixed), np.argsort(mixed)
+        )
     if found is None:  # not finite, or different rows of the same mix
         vertices, rank = np.unique(points, axis=0, return_inverse=True)
         return vertices, rank.reshape(-1)

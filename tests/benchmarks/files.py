@@ -32,7 +32,8 @@ MOST_OF_SEGMENTING, MOST_OF_OTHERS = 0.15, 2
 # The files that are read, and the library that can write each with all digits.
 READ = {
     "OFF": ("a.off", "heatwalk"), "OBJ": ("a.obj", "heatwalk"), "PLY, ASCII": ("text.ply", "heatwalk"),
-    "PLY, binary": ("binary.ply", "pymeshlab"), "STL, ASCII": ("text.stl", "vtk"), "STL, binary": ("binary.stl", "heatwalk"),
+    "PLY, binary": ("binary.ply", "pymeshlab"), "STL, ASCII": ("text.stl", "vtk"),
+    "STL, binary": ("binary.stl", "heatwalk"),
     "VTK, ASCII": ("text.vtk", "vtk"), "VTK, binary": ("binary.vtk", "vtk"), "VTP": ("a.vtp", "vtk"),
     "glTF, binary": ("a.glb", "trimesh"), "3MF": ("a.3mf", "trimesh"), "Gmsh, ASCII": ("text.msh", "meshio"),
     "Gmsh, binary": ("binary.msh", "meshio"),
@@ -129,7 +130,9 @@ class Meshio:
         import meshio
 
         options = {"binary": path.stem == "binary"} if path.suffix in (".ply", ".stl", ".msh") else {}
-        meshio.write(path, meshio.Mesh(vertices, [("triangle", faces)]), "gmsh" if path.suffix == ".msh" else None, **options)
+        meshio.write(
+            path, meshio.Mesh(vertices, [("triangle", faces)]), "gmsh" if path.suffix == ".msh" else None, **options
+        )
 
 
 class Trimesh:
@@ -260,9 +263,10 @@ def table(results, size, largest):
     lines = [
         "# Files",
         "",
-        f"Made by `python -m tests.benchmarks.files`. CPU seconds with one thread, the minimum of up to {REPETITIONS}, of reading "
-        f"and writing a mesh of {size:,} vertices, whose segmentation takes {segmenting:.2f} s. Load average over the last "
-        f"15 minutes, to which this benchmark contributes 1: {psutil.getloadavg()[2]:.1f} on {os.cpu_count()} processors. "
+        f"Made by `python -m tests.benchmarks.files`. CPU seconds with one thread, the minimum of up to {REPETITIONS}, of "
+        f"reading and writing a mesh of {size:,} vertices, whose segmentation takes {segmenting:.2f} s. Load average over "
+        f"the last 15 minutes, to which this benchmark contributes 1: {psutil.getloadavg()[2]:.1f} on {os.cpu_count()} "
+        "processors. "
         f"Targets: at most {MOST_OF_SEGMENTING} of segmenting, and {MOST_OF_OTHERS} times the quickest other library.",
         "",
     ]

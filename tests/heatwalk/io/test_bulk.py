@@ -40,7 +40,7 @@ spelled = st.one_of(
         st.text("0123456789", max_size=25),
         st.sampled_from(["", "e5", "E-5", "e+30", "e-330", "e400", "e", "x"]),
     ),
-    st.sampled_from(["nan", "NaN", "inf", "-inf", "Infinity", "-0", "-0.0", "0x10", "1_0", "1,2", "1;", "\"1\"", "4d3"]),
+    st.sampled_from(["nan", "NaN", "inf", "-inf", "Infinity", "-0", "-0.0", "0x10", "1_0", "1,2", "1;", '"1"', "4d3"]),
 )
 gap = st.text(" \t\n\r\v\f", min_size=1, max_size=3)
 
@@ -149,7 +149,8 @@ mutation = st.tuples(
     st.floats(0, 1),
     st.integers(0, 4),
     st.sampled_from(
-        [b"", b" ", b"\n", b"\r", b"\t", b"\x0b", b"/", b"//", b"\\", b"\\\n", b"#", b"f ", b"fo 1 2 3\n", b"v ", b"v\n",
+        [b"", b" ", b"\n", b"\r", b"\t", b"\x0b", b"/", b"//", b"\\", b"\\\n", b"#", b"f ", b"fo 1 2 3\n", b"v ",
+         b"v\n",
          b"\nf \n", b"-1", b"0", b"x", b"nan", b"1e999", b"\nvn 1 2 3\n", b"facet", b" vertex ", b"endsolid",
          b"endsolid a\nsolid b\n", b"ENDFACET", b"normal", b"\0"]
     ),
@@ -225,7 +226,9 @@ def test_faces_of_an_off_file_with_colours_are_read_in_bulk(colour, line_end, mo
     header = off._read_header(b"OFF\n4 4 0\n")
     found = off._read_plain_lines(body, numbers.parse_numbers(body), header)
     assert is_same(found, off._read_lines(body, header))
-    assert is_same(found, (TETRAHEDRON[0], Polygons(np.array([3, 3, 4, 3]), np.array([0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 0, 3, 2]))))
+    assert is_same(
+        found, (TETRAHEDRON[0], Polygons(np.array([3, 3, 4, 3]), np.array([0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 0, 3, 2])))
+    )
 
 
 @settings(max_examples=150, deadline=None)
