@@ -263,11 +263,10 @@ def table(results, size, largest):
     lines = [
         "# Files",
         "",
-        f"Made by `python -m tests.benchmarks.files`. CPU seconds with one thread, the minimum of up to {REPETITIONS}, of "
-        f"reading and writing a mesh of {size:,} vertices, whose segmentation takes {segmenting:.2f} s. Load average over "
-        f"the last 15 minutes, to which this benchmark contributes 1: {psutil.getloadavg()[2]:.1f} on {os.cpu_count()} "
-        "processors. "
-        f"Targets: at most {MOST_OF_SEGMENTING} of segmenting, and {MOST_OF_OTHERS} times the quickest other library.",
+        f"Made by `python -m tests.benchmarks.files`. CPU seconds with one thread, the minimum of up to {REPETITIONS}, "
+        f"of reading and writing a mesh of {size:,} vertices, whose segmentation takes {segmenting:.2f} s. Load average "
+        f"over the last 15 minutes, to which this benchmark contributes 1: {psutil.getloadavg()[2]:.1f} on "
+        f"{os.cpu_count()} processors. Targets: at most {MOST_OF_SEGMENTING} of segmenting, and {MOST_OF_OTHERS} times the quickest other library.",
         "",
     ]
     if largest:
