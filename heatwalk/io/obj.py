@@ -143,10 +143,10 @@ def _plain_faces(lines: _Lines) -> Polygons | None:
         is_corner = np.ones(len(lines.words), dtype=bool)
         is_corner[np.cumsum(sizes + 1) - sizes - 1] = False
         begins, ends = lines.words[is_corner], lines.word_ends[is_corner]
-        slashes = slashes.reshape(n_corners, -1)
-        if not ((slashes[:, 0] > begins) & (slashes[:, -1] < ends)).all():
+        rows = slashes.reshape(n_corners, -1)
+        if not ((rows[:, 0] > begins) & (rows[:, -1] < ends)).all():
             return None
-        lengths = np.diff(np.column_stack([slashes[:, 0], ends]).ravel(), prepend=0, append=len(octets))
+        lengths = np.diff(np.column_stack([rows[:, 0], ends]).ravel(), prepend=0, append=len(octets))
         octets = octets[np.repeat(np.arange(len(lengths)) % 2 == 0, lengths)]
     values, bad_word = parse_numbers(octets.tobytes())
     corners = to_integers(values)

@@ -169,8 +169,8 @@ def merge_equal(points: NDArray) -> tuple[NDArray, NDArray[np.int64]]:
             points, np.sort(mixed), np.argsort(mixed)
         )
     if found is None:  # not finite, or different rows of the same mix
-        vertices, rank = np.unique(points, axis=0, return_inverse=True)
-        return vertices, rank.reshape(-1)
+        distinct, inverse = np.unique(points, axis=0, return_inverse=True)
+        return distinct, inverse.reshape(-1)
     vertices, rank = found
     by_row = _order_of_rows(vertices)
     place = np.empty(len(vertices), dtype=np.int64)
@@ -187,7 +187,7 @@ def _sorted_with_place(mixed: NDArray[np.uint64]) -> tuple[NDArray[np.uint64], N
 
 def _merge_alike(
     points: NDArray, ordered: NDArray[np.uint64], order: NDArray[np.int64]
-) -> tuple[NDArray, NDArray[np.integer]] | None:
+) -> tuple[NDArray, NDArray] | None:
     """The rows that differ in their sorted number, and for each row its place among them; None if others differ."""
     begins = np.append(True, ordered[1:] != ordered[:-1])[: len(points)]
     narrow = np.int32 if len(points) < 2**31 else np.int64  # scattered in half the time
