@@ -263,12 +263,13 @@ def table(results, size, largest):
     lines = [
         "# Files",
         "",
-        f"Made by `python -m tests.benchmarks.files`. CPU seconds with one thread, the minimum of up to {REPETITIONS}, "
-        f"of reading and writing a mesh of {size:,} vertices, whose segmentation takes {segmenting:.2f} s. Load average "
-        f"over the last 15 minutes, to which this benchmark contributes 1: {psutil.getloadavg()[2]:.1f} on "
-        f"{os.cpu_count()} processors. Targets: at most {MOST_OF_SEGMENTING} of segmenting, and {MOST_OF_OTHERS} times the "
-        "quickest other library. Some of these copy binary files into memory and look at nothing; reading here always "
-        "includes the checks, and the search for coincident vertices and repeated faces.",
+        "Made by `python -m tests.benchmarks.files`. CPU seconds with one thread, the minimum of up to "
+        f"{REPETITIONS}, of reading and writing a mesh of {size:,} vertices, whose segmentation takes {segmenting:.2f} s. "
+        "Load average over the last 15 minutes, to which this benchmark contributes 1: "
+        f"{psutil.getloadavg()[2]:.1f} on {os.cpu_count()} processors. "
+        f"Targets: at most {MOST_OF_SEGMENTING} of segmenting, and {MOST_OF_OTHERS} times the quickest other library. "
+        "Some of these copy binary files into memory and look at nothing; reading here always includes the checks, "
+        "and the search for coincident vertices and repeated faces.",
         "",
     ]
     if largest:
