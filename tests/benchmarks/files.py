@@ -264,7 +264,8 @@ def table(results, size, largest):
         "# Files",
         "",
         "Made by `python -m tests.benchmarks.files`. CPU seconds with one thread, the minimum of up to "
-        f"{REPETITIONS}, of reading and writing a mesh of {size:,} vertices, whose segmentation takes {segmenting:.2f} s. "
+        f"{REPETITIONS}, of reading and writing a mesh of {size:,} vertices, which is segmented in "
+        f"{segmenting:.2f} s. "
         "Load average over the last 15 minutes, to which this benchmark contributes 1: "
         f"{psutil.getloadavg()[2]:.1f} on {os.cpu_count()} processors. "
         f"Targets: at most {MOST_OF_SEGMENTING} of segmenting, and {MOST_OF_OTHERS} times the quickest other library. "
