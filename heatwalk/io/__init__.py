@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from heatwalk.io.reading import read_mesh as read_mesh
     from heatwalk.io.seg import read_seg as read_seg
     from heatwalk.io.seg import write_seg as write_seg
+    from heatwalk.io.writing import write_mesh as write_mesh
 
 _MODULES = {
     "LoadedMesh": "reading",
@@ -23,6 +24,7 @@ _MODULES = {
     "read_integers": "integers",
     "read_mesh": "reading",
     "read_seg": "seg",
+    "write_mesh": "writing",
     "write_ply": "ply",
     "write_seg": "seg",
 }

@@ -52,6 +52,8 @@ def surface_mesh(vertices: NDArray, kinds: NDArray[np.integer], cells: Polygons)
         the number of vertices of each cell, and all their vertices
     """
     _check_cells(kinds, cells, len(vertices))
+    if _are_plain_faces(kinds, cells):
+        return raw_mesh(vertices, cells)
     starts = np.cumsum(cells.sizes) - cells.sizes
     faces = _faces(kinds, cells, starts)
     is_volume = np.isin(kinds, list(_FACES))
@@ -76,6 +78,13 @@ def surface_mesh(vertices: NDArray, kinds: NDArray[np.integer], cells: Polygons)
     if n_higher:
         notes.append(f"read {_count(n_higher, 'cell')} of higher order by the corners alone")
     return raw_mesh(vertices, polygons, tuple(notes))
+
+
+def _are_plain_faces(kinds: NDArray[np.integer], cells: Polygons) -> bool:
+    """Whether the cells are polygons alone, or triangles alone, as in most files."""
+    if not len(kinds) or not (kinds == kinds[0]).all():
+        return False
+    return bool(kinds[0] == POLYGON or (kinds[0] == _TRIANGLES[0] and (cells.sizes == 3).all()))
 
 
 def _count(count: int, noun: str) -> str:

@@ -232,6 +232,8 @@ class _Reader:
         needed = offset + (count - 1) * stride + row if count else 0
         if min(offset, begin, stride, count) < 0 or needed > len(data):
             raise MeshError(f"{where} needs {needed:,} bytes, but its buffer has {len(data):,}: the file is truncated")
+        if count and stride == row:
+            return np.frombuffer(data, kind, count * width, offset).reshape(count, width)
         at = offset + np.arange(count)[:, None] * stride + np.arange(row)
         return np.ascontiguousarray(np.frombuffer(data, np.uint8)[at]).view(kind).reshape(count, width)
 

@@ -49,7 +49,7 @@ def parse_integers(text: str, expected: str = "an integer", *, signed: bool = Fa
     pattern = _SIGNED if signed else _UNSIGNED
     text = text.removeprefix("\ufeff").rstrip()
     if _PLAIN.fullmatch(text):
-        return np.array(text.split("\n"), dtype=np.int64)
+        return np.fromstring(text, dtype=np.int64, sep="\n")
     lines = _LINE_END.split(text) if text else []
     for number, line in enumerate(lines, start=1):
         is_integer = pattern.fullmatch(line) is not None

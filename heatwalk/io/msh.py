@@ -77,7 +77,10 @@ def _positions(tags: NDArray[np.int64], corners: NDArray[np.int64]) -> NDArray[n
         raise MeshError(f"defines node {ordered[repeated[0]]} more than once")
     if not len(tags):
         raise MeshError("defines no nodes: the file is truncated, or has no mesh")
-    at = np.minimum(np.searchsorted(ordered, corners), len(tags) - 1)
+    if ordered[-1] - ordered[0] == len(ordered) - 1:  # numbers without gaps, as usual
+        at = np.clip(corners - ordered[0], 0, len(tags) - 1)
+    else:
+        at = np.minimum(np.searchsorted(ordered, corners), len(tags) - 1)
     missing = np.flatnonzero(ordered[at] != corners)
     if len(missing):
         raise MeshError(f"an element refers to node {corners[missing[0]]}, which the file does not define")

@@ -6,6 +6,7 @@ pentagons.
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from heatwalk.io.numbers import (
     BYTE_ORDER_MARK,
     Numbers,
+    format_rows,
     line_number,
     parse_numbers,
     reject_bad_word,
@@ -52,7 +54,7 @@ def read_off(data: bytes) -> RawMesh:
     numbers = parse_numbers(body)
     found = _read_free(numbers, header)
     if found is None:
-        found = _read_lines(body, header)
+        found = _read_plain_lines(body, numbers, header) or _read_lines(body, header)
     if found is None:
         _reject_body(text, body, numbers, header)
         raise MeshError("the rows of the file do not contain the vertices and faces that its header declares")
@@ -132,6 +134,35 @@ def _split(rows: NDArray[np.int64], n_faces: int) -> Polygons | None:
     return Polygons(rows[starts], rows[is_corner])
 
 
+def _read_plain_lines(body: bytes, numbers: Numbers, header: _Header) -> tuple[NDArray[np.float64], Polygons] | None:
+    """What `_read_lines` returns, for a body of numbers whose faces have a line each; else None."""
+    values = numbers.values
+    octets = np.frombuffer(body, np.uint8)
+    is_space = np.append(True, octets <= ord(" "))
+    words = np.flatnonzero(is_space[:-1] > is_space[1:])
+    if numbers.bad_word is not None or len(words) != len(values):
+        return None
+    line_ends = np.flatnonzero((octets == ord("\n")) | (octets == ord("\r")))
+    first = np.unique(np.append(0, np.searchsorted(words, line_ends)))  # the first word of each line that has any
+    first = first[first < len(words)]
+    width = np.diff(np.append(first, len(words)))
+    n_rows = header.n_vertices + header.n_faces
+    if len(first) < n_rows or (width[: header.n_vertices] < header.dimension).any():
+        return None
+    positions = values[first[: header.n_vertices, None] + np.arange(header.dimension)]
+    first, width = first[header.n_vertices : n_rows], width[header.n_vertices : n_rows]
+    starts = words[first]
+    is_digit = (
+        (octets[starts] >= ord("0")) & (octets[starts] <= ord("9")) & is_space[np.minimum(starts + 2, len(octets))]
+    )
+    sizes = values[first].astype(np.int64, copy=False) if is_digit.all() else None
+    if sizes is None or (width <= sizes).any():
+        return None
+    step = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    corners = to_integers(values[np.repeat(first + 1, sizes) + step])
+    return None if corners is None else (positions, Polygons(sizes, corners))
+
+
 def _read_lines(body: bytes, header: _Header) -> tuple[NDArray[np.float64], Polygons] | None:
     """Positions and polygons of a body with one vertex or face per line, each followed by anything; else None.
 
@@ -209,3 +240,9 @@ def _check_face_row(face: int, number: int, row: Sequence[bytes], is_last: bool,
         raise MeshError(f"{where} declares {size[0]} corners but has {len(row) - 1}")
     if to_integers(np.array(row[1 : 1 + int(size[0])], dtype=float)) is None:
         raise MeshError(f"{where} has a corner that is not an integer")
+
+
+def write_off(path: str | Path, vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> None:
+    """Write a triangle mesh with all digits of its coordinates; OSError if the file cannot be written."""
+    header = f"OFF\n{len(vertices)} {len(faces)} 0\n".encode("ascii")
+    Path(path).write_bytes(header + format_rows([*vertices.T]) + format_rows(["3", *faces.T]))

@@ -5,8 +5,9 @@ ASCII files, and refuses blank lines and old Macintosh line ends.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from heatwalk.io.colours import label_colours
 from heatwalk.io.numbers import (
     BYTE_ORDER_MARK,
+    format_rows,
     line_number,
     parse_numbers,
     reject_bad_word,
@@ -51,6 +53,19 @@ property uchar green
 property uchar blue
 property uchar alpha
 property int label
+{properties}element face {n_faces}
+property list uchar int vertex_indices
+end_header
+"""
+# Names of the properties of vertices in that header.
+_WRITTEN = ("x", "y", "z", "red", "green", "blue", "alpha", "label")
+_TEXT_HEADER = """\
+ply
+format ascii 1.0
+element vertex {n_vertices}
+property double x
+property double y
+property double z
 element face {n_faces}
 property list uchar int vertex_indices
 end_header
@@ -445,6 +460,7 @@ def write_ply(
     vertex_labels: ArrayLike,
     dissipator: int | None = None,
     comments: Sequence[str] = (),
+    properties: Mapping[str, ArrayLike] | None = None,
 ) -> None:
     """Write a mesh as binary PLY, with its vertices labelled, and coloured by label.
 
@@ -459,16 +475,21 @@ def write_ply(
         the label shown in grey
     comments : sequence of str
         lines of the header, in ASCII
+    properties : mapping of str to (n,) array, optional
+        more properties of the vertices, by name: integers (written in 32 bits) or real numbers (in double precision)
 
     Raises
     ------
+    ValueError
+        if a property has another number of values than the mesh vertices, no numbers, integers beyond 32 bits, or a
+        name that is taken or is not letters, digits and underscores
     OSError
         if the file cannot be written
 
     Notes
     -----
     Coordinates are written in single precision, which every program reads, unless that would move a vertex by more
-    than a thousandth of the shortest edge around it; then in double precision.
+    than a thousandth of the shortest edge around it, as it does far from the origin; then in double precision.
 
     Examples
     --------
@@ -483,37 +504,69 @@ def write_ply(
     """
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces)
     is_single = _single_suffices(vertices, faces)
+    added = {name: _written_property(name, values, len(vertices)) for name, values in (properties or {}).items()}
+    columns = [(f"property {name}", values.dtype) for name, values in added.items()]
     vertex_rows = np.empty(
-        len(vertices), [("position", "<f4" if is_single else "<f8", 3), ("colour", "u1", 4), ("label", "<i4")]
+        len(vertices), [("position", "<f4" if is_single else "<f8", 3), ("colour", "u1", 4), ("label", "<i4"), *columns]
     )
     vertex_rows["position"], vertex_rows["colour"] = vertices, label_colours(vertex_labels, dissipator)
     vertex_rows["label"] = vertex_labels
+    for name, values in added.items():
+        vertex_rows[f"property {name}"] = values
     face_rows = np.empty(len(faces), [("n_corners", "u1"), ("corners", "<i4", 3)])
     face_rows["n_corners"], face_rows["corners"] = 3, faces
     header = _WRITTEN_HEADER.format(
         comments="".join(f"comment {comment}\n" for comment in comments),
         real="float" if is_single else "double",
         n_vertices=len(vertices),
+        properties="".join(
+            f"property {'int' if values.dtype.kind == 'i' else 'double'} {name}\n" for name, values in added.items()
+        ),
         n_faces=len(faces),
     ).encode("ascii")
     Path(path).write_bytes(header + vertex_rows.tobytes() + face_rows.tobytes())
 
 
+def write_text_ply(path: str | Path, vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> None:
+    """Write a triangle mesh as ASCII PLY with all digits of its coordinates; OSError if the file cannot be written."""
+    header = _TEXT_HEADER.format(n_vertices=len(vertices), n_faces=len(faces)).encode("ascii")
+    Path(path).write_bytes(header + format_rows([*vertices.T]) + format_rows(["3", *faces.T]))
+
+
+def _written_property(name: str, values: ArrayLike, n_vertices: int) -> NDArray:
+    """The values of a property of the vertices in the type they are written in; ValueError if it cannot be written."""
+    array = np.asarray(values)
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) or name in _WRITTEN:
+        raise ValueError(f"the property {name!r} must be letters, digits and underscores, and none of {_WRITTEN}")
+    if array.shape != (n_vertices,) or array.dtype.kind not in "biuf":
+        raise ValueError(f"the property {name!r} must have one number for each of the {n_vertices:,} vertices")
+    if array.dtype.kind == "f":
+        return array.astype("<f8")
+    if array.size and not (array.min() >= -(2**31) and array.max() < 2**31):
+        raise ValueError(f"the property {name!r} has integers beyond 32 bits")
+    return array.astype("<i4")
+
+
 def _single_suffices(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> bool:
     """Whether single precision moves no vertex by more than `_MAX_MOVE` of the shortest edge around it."""
+    columns = [np.ascontiguousarray(column) for column in vertices.T]
+    # Lengths by the largest difference of coordinates, and moves likewise: squares could overflow or underflow.
     with np.errstate(over="ignore", invalid="ignore"):
-        moves = np.abs(vertices.astype(np.float32).astype(np.float64) - vertices).max(axis=1)
-        # Lengths by the largest difference of coordinates, and moves likewise: squares could overflow or underflow.
-        if not np.isfinite(moves).all():
+        moves = np.sqrt(3) * reduce(np.maximum, [np.abs(column.astype(np.float32) - column) for column in columns])
+        largest = moves.max(initial=0.0)
+        if not np.isfinite(largest):
             return False
+        sides = [(faces[:, start], faces[:, end]) for start, end in ((0, 1), (1, 2), (2, 0))]
+        lengths = [reduce(np.maximum, [np.abs(column[a] - column[b]) for column in columns]) for a, b in sides]
+        for side in lengths:
+            side[side == 0] = np.inf  # ends that coincide stay together
+        if all(largest <= _MAX_MOVE * side.min(initial=np.inf) for side in lengths):  # as for most meshes
+            return True
         shortest = np.full(len(vertices), np.inf)
-        for start, end in ((0, 1), (1, 2), (2, 0)):
-            a, b = faces[:, start], faces[:, end]
-            lengths = np.abs(vertices[a] - vertices[b]).max(axis=1)
-            lengths[lengths == 0] = np.inf  # ends that coincide stay together
-            np.minimum.at(shortest, a, lengths)
-            np.minimum.at(shortest, b, lengths)
-        return bool((moves * np.sqrt(3) <= _MAX_MOVE * shortest).all())
+        for (a, b), side in zip(sides, lengths, strict=True):
+            np.minimum.at(shortest, a, side)
+            np.minimum.at(shortest, b, side)
+        return bool((moves <= _MAX_MOVE * shortest).all())
 
 
 def comments_of(path: str | Path) -> list[str]:

@@ -206,7 +206,7 @@ def _read_arrays(path: Path, file_format: str) -> tuple[NDArray[np.float64], NDA
     mesh_suffix, dot, compression = suffix[1:].partition(".")
     if dot and data:
         data = _decompress(data, f".{compression}")
-    if not data.strip():
+    if not data or data.isspace():
         raise MeshError("the file is empty")
     reader = READERS[f".{mesh_suffix}"]
     raw = reader(data, path.parent) if f".{mesh_suffix}" in _IN_FOLDERS else reader(data)

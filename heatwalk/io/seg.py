@@ -55,4 +55,8 @@ def write_seg(path: str | Path, face_labels: ArrayLike) -> None:
 
 def seg_bytes(face_labels: ArrayLike) -> bytes:
     """The contents of the file that `write_seg` writes."""
-    return "".join(f"{label}\n" for label in np.asarray(face_labels).tolist()).encode("ascii")
+    labels = np.asarray(face_labels)
+    if not labels.size or labels.dtype.kind not in "iu" or labels.min() < 0 or labels.max() > len(labels):
+        return "".join(f"{label}\n" for label in labels.tolist()).encode("ascii")
+    lines = [b"%d\n" % label for label in range(int(labels.max()) + 1)]  # labels are few, faces many
+    return b"".join(map(lines.__getitem__, labels.tolist()))

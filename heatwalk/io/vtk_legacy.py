@@ -26,8 +26,11 @@ _LINE, _QUAD, _HEXAHEDRON = 3, 9, 12
 
 _HEADER = re.compile(rb"\s*# vtk DataFile Version[^\n]*\n[^\n]*\n[ \t]*(ASCII|BINARY)\b[ \t]*\r?\n", re.IGNORECASE)
 _WORD = re.compile(rb"\s*(\S+)")
-# What ends the numbers of an ASCII section: a word of letters other than nan and inf.
-_KEYWORD = re.compile(rb"(?<![^\s])(?!(?:nan|inf|infinity)\b)[A-Za-z_]", re.IGNORECASE)
+# What ends the numbers of an ASCII section: a word that begins with a letter, other than nan and inf.
+_NUMBER_IN_LETTERS = re.compile(rb"(?:nan|inf|infinity)\b", re.IGNORECASE)
+_IS_LETTER = np.array([chr(octet).isalpha() or chr(octet) == "_" for octet in range(128)] + 128 * [False])
+_IS_SPACE = np.array([bytes([octet]).isspace() for octet in range(256)])
+_PART = 1_000_000  # bytes that are searched at a time
 
 
 class _Cells(NamedTuple):
@@ -200,8 +203,8 @@ class _File:
             check_complete(count, available, f"values of the section {section}")
             self._at = begin + count * dtype.itemsize
             return np.frombuffer(self._data, dtype, count, begin).astype(np.float64)
-        end = _KEYWORD.search(self._data, self._at)
-        text = self._data[self._at : end.start() if end else None]
+        end = _next_keyword(self._data, self._at)
+        text = self._data[self._at : end]
         values, bad_word = parse_numbers(text)
         if bad_word is not None:
             raise MeshError(f"the section {section} contains {shown(bad_word)}, which is not a number")
@@ -209,7 +212,7 @@ class _File:
             check_complete(count, len(values), f"values of the section {section}")
         if len(values) != count:
             raise MeshError(f"the section {section} declares {count:,} values but contains {len(values):,}")
-        self._at = end.start() if end else len(self._data)
+        self._at = len(self._data) if end is None else end
         return values.astype(kind).astype(np.float64) if kind == "f4" else values
 
     def _structured(self) -> RawMesh:
@@ -244,6 +247,18 @@ class _File:
             return self._grid[name]
         origin, spacing = self._grid.get("ORIGIN", np.zeros(3)), self._grid.get("SPACING", np.ones(3))
         return origin[axis] + spacing[axis] * np.arange(count)
+
+
+def _next_keyword(data: bytes, at: int) -> int | None:
+    """Where the next word begins that is letters and no number; None if there is none."""
+    for begin in range(at, len(data), _PART):
+        octets = np.frombuffer(data, np.uint8, min(_PART, len(data) - begin), begin)
+        before = np.append(data[begin - 1] if begin else ord(" "), octets[:-1])
+        places = np.flatnonzero(_IS_LETTER[octets] & _IS_SPACE[before]) + begin
+        for place in places.tolist():
+            if not _NUMBER_IN_LETTERS.match(data, place):
+                return place
+    return None
 
 
 def _corners(square: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -18,11 +18,17 @@ _MIN_EDGES = 10
 # Neighbours in the sorted order that are compared with each vertex at most: it bounds the time for dense meshes.
 _MAX_COMPARED = 256
 
+# More than what rounding adds to a coordinate's share of a distance.
+_ROUNDING = 1 + 1e-9
+
 # Faces whose edges are measured for that.
 _SAMPLE = 1000
 
 # Pairs of near vertices, per vertex, above which a tolerance is refused: it would merge whole regions.
 _MAX_PAIRS = 200
+
+# An odd factor that spreads bits over 64 of them: 2**64 over the golden ratio.
+_MIXER = np.uint64(0x9E3779B97F4A7C15)
 
 Weld = str | float | None
 
@@ -62,14 +68,17 @@ def count_coincident(vertices: NDArray[np.float64], faces: NDArray[np.int64]) ->
     has_long_edges = radius > 0 and _has_long_edges(points, faces, radius)
     # In the order of their distance along a direction that no mesh has, coincident vertices are next to each other.
     distance = points[:, 0] * 0.5377 + points[:, 1] * 0.6341 + points[:, 2] * 0.5557
-    order = np.argsort(distance, kind="stable")
-    distance, points = distance[order], points[order]
+    order = np.argsort(distance)
+    ordered = distance[order]
+    ties = ordered[1:] == ordered[:-1]
+    if ties.any():  # only then a stable sort, which takes longer, has another result
+        order = np.argsort(distance, kind="stable")
+    distance, points = ordered, points[order]
     is_exact = np.zeros(len(points), dtype=bool)
-    ties = distance[1:] == distance[:-1]
     if ties.any():
         tied = np.flatnonzero(np.append(ties, False) | np.append(False, ties))
-        _, rank, n_same = np.unique(points[tied], axis=0, return_inverse=True, return_counts=True)
-        is_exact[tied] = n_same[rank.reshape(-1)] > 1
+        _, rank = merge_equal(points[tied])
+        is_exact[tied] = np.bincount(rank)[rank] > 1
     is_near = np.zeros(len(points), dtype=bool)
     if has_long_edges:
         first, second = _near_pairs(distance, points, radius)
@@ -134,8 +143,7 @@ def weld_vertices(
     if weld is None:
         return vertices, faces
     points, _ = _scaled(vertices)
-    _, group = np.unique(points, axis=0, return_inverse=True)
-    group = group.reshape(-1)
+    _, group = merge_equal(points)
     if weld != "exact":
         group = _near_groups(points, group, float(weld))
     _, first = np.unique(group, return_index=True)
@@ -143,6 +151,60 @@ def weld_vertices(
     new_index = np.empty(len(first), dtype=np.int64)
     new_index[np.argsort(first)] = np.arange(len(first))
     return vertices[kept], new_index[group][faces]
+
+
+def merge_equal(points: NDArray) -> tuple[NDArray, NDArray[np.int64]]:
+    """The distinct rows of a (k, 3) float array without negative zeros, sorted, and for each row its place among them.
+
+    As `numpy.unique` of rows, but what is sorted is one number per row, which mixes its bits.
+    """
+    found = None
+    if np.isfinite(points).all():
+        bits = np.ascontiguousarray(points).view(f"u{points.dtype.itemsize}")
+        mixed = np.zeros(len(points), dtype=np.uint64)
+        for axis in range(3):
+            mixed = (mixed ^ bits[:, axis]) * _MIXER  # wraps around
+            mixed ^= mixed >> np.uint64(29)
+        found = _merge_alike(points, *_sorted_with_place(mixed)) or _merge_alike(
+            points, np.sort(mixed), np.argsort(mixed)
+        )
+    if found is None:  # not finite, or different rows of the same mix
+        distinct, inverse = np.unique(points, axis=0, return_inverse=True)
+        return distinct, inverse.reshape(-1)
+    vertices, rank = found
+    by_row = _order_of_rows(vertices)
+    place = np.empty(len(vertices), dtype=np.int64)
+    place[by_row] = np.arange(len(vertices))
+    return vertices[by_row], place[rank]
+
+
+def _sorted_with_place(mixed: NDArray[np.uint64]) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+    """The leading bits of numbers, sorted, and the place of each: both in one number, which is quicker to sort."""
+    n_bits = np.uint64(len(mixed).bit_length())
+    both = np.sort((mixed >> n_bits << n_bits) | np.arange(len(mixed), dtype=np.uint64))
+    return both >> n_bits, (both & ((np.uint64(1) << n_bits) - np.uint64(1))).astype(np.int64)
+
+
+def _merge_alike(
+    points: NDArray, ordered: NDArray[np.uint64], order: NDArray[np.int64]
+) -> tuple[NDArray, NDArray] | None:
+    """The rows that differ in their sorted number, and for each row its place among them; None if others differ."""
+    begins = np.append(True, ordered[1:] != ordered[:-1])[: len(points)]
+    narrow = np.int32 if len(points) < 2**31 else np.int64  # scattered in half the time
+    rank = np.empty(len(points), dtype=narrow)
+    rank[order] = np.cumsum(begins, dtype=narrow) - 1
+    rows = points[order[begins]]
+    return (rows, rank) if np.array_equal(rows[rank], points) else None
+
+
+def _order_of_rows(rows: NDArray) -> NDArray[np.int64]:
+    """The order of distinct rows: by the first column, and where that is equal, by the others."""
+    order = np.argsort(rows[:, 0])
+    first = rows[order, 0]
+    ties = first[1:] == first[:-1]
+    tied = np.flatnonzero(np.append(ties, False) | np.append(False, ties))
+    order[tied] = order[tied][np.lexsort(rows[order[tied]].T[::-1])]
+    return order
 
 
 def _scaled(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -155,10 +217,18 @@ def _scaled(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         largest = float(np.abs(vertices[np.isfinite(vertices)]).max(initial=0.0))
     if largest == 0:
         return vertices + 0.0, 0.0
-    scaled = np.ldexp(vertices, -np.frexp(largest)[1]) + 0.0
+    exponent = -int(np.frexp(largest)[1])
+    is_power = abs(exponent) < 1000  # 2.0**1075 would overflow; a product takes less time
+    scaled = vertices * 2.0**exponent if is_power else np.ldexp(vertices, exponent)
+    scaled += 0.0
     with np.errstate(invalid="ignore"):
-        diagonal = float(np.linalg.norm(np.ptp(scaled, axis=0)))
+        diagonal = float(np.linalg.norm(_extents(scaled)))
     return scaled, NEAR * diagonal if np.isfinite(diagonal) else 0.0
+
+
+def _extents(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The extent of points along each axis, (3,)."""
+    return np.array([np.ptp(points[:, axis]) for axis in range(points.shape[1])])
 
 
 def _has_long_edges(points: NDArray[np.float64], faces: NDArray[np.int64], radius: float) -> bool:
@@ -174,16 +244,19 @@ def _near_pairs(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pairs of points within a radius of each other, for points that are sorted by ``distance``."""
     firsts, seconds = [], []
+    # Most are told apart by a single coordinate.
+    across = np.ascontiguousarray(points[:, np.argmax(_extents(points))])
     active = np.arange(len(points) - 1)
     for step in range(1, _MAX_COMPARED + 1):
-        active = active[active + step < len(points)]
+        active = active[: np.searchsorted(active, len(points) - step)]
         active = active[distance[active + step] - distance[active] <= radius]
         if not len(active):
             break
-        gap = points[active + step] - points[active]
+        similar = active[np.abs(across[active + step] - across[active]) <= radius * _ROUNDING]
+        gap = points[similar + step] - points[similar]
         near = np.einsum("ij,ij->i", gap, gap) <= radius**2
-        firsts.append(active[near])
-        seconds.append(active[near] + step)
+        firsts.append(similar[near])
+        seconds.append(similar[near] + step)
     empty = np.empty(0, dtype=np.int64)
     return np.concatenate([empty, *firsts]), np.concatenate([empty, *seconds])
 

@@ -11,12 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.io import parse_integers
+from heatwalk.io.obj import write_obj
+from heatwalk.io.off import write_off
+from heatwalk.io.ply import write_text_ply
 from studies.execution.process_tree import supervised
 
 TAIL = 300  # characters at the end of a program's output that an error message quotes
@@ -146,39 +148,8 @@ def _output_of(printed: Path) -> str:
     return f"; the end of its output: {tail}" if tail else ", without any output"
 
 
-def _write_off(path: Path, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
-    """The mesh as an OFF file."""
-    with path.open("w", encoding="ascii") as file:
-        file.write(f"OFF\n{len(vertices)} {len(faces)} 0\n")
-        _write_rows(file, vertices, faces)
-
-
-def _write_ply(path: Path, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
-    """The mesh as an ASCII PLY file."""
-    with path.open("w", encoding="ascii") as file:
-        file.write(
-            f"ply\nformat ascii 1.0\nelement vertex {len(vertices)}\n"
-            "property double x\nproperty double y\nproperty double z\n"
-            f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-        )
-        _write_rows(file, vertices, faces)
-
-
-def _write_rows(file: TextIO, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
-    """A row per vertex, then a row per face, as in OFF and PLY files."""
-    np.savetxt(file, vertices, fmt="%.17g")
-    np.savetxt(file, faces, fmt="3 %d %d %d")
-
-
-def _write_obj(path: Path, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
-    """The mesh as an OBJ file."""
-    with path.open("w", encoding="ascii") as file:
-        np.savetxt(file, vertices, fmt="v %.17g %.17g %.17g")
-        np.savetxt(file, faces + 1, fmt="f %d %d %d")
-
-
 WRITERS: dict[str, Callable[[Path, NDArray, NDArray], None]] = {
-    ".off": _write_off,
-    ".obj": _write_obj,
-    ".ply": _write_ply,
+    ".off": write_off,
+    ".obj": write_obj,
+    ".ply": write_text_ply,
 }

@@ -225,3 +225,36 @@ def test_labels_are_a_property_of_the_vertices_of_a_written_ply(tmp_path):
     assert comments_of(tmp_path / "a.ply") == ["heatwalk", "seg of a"]
     (tmp_path / "a.off").write_bytes(b"OFF\ncomment heatwalk\n")
     assert comments_of(tmp_path / "a.off") == []
+
+
+def test_named_properties_of_the_vertices_are_written_beside_the_label(tmp_path):
+    pymeshlab = pytest.importorskip("pymeshlab")
+    margin, count = np.array([0.1, 1e-9, 0, 3]), np.array([1, -2, 3, 2**31 - 1])
+    labels = np.array([0, 1, 1, 0])
+    write_ply(tmp_path / "a.ply", *TETRAHEDRON, labels, properties={"margin": margin, "count": count})
+    data = trimesh.load(tmp_path / "a.ply", process=False).metadata["_ply_raw"]["vertex"]["data"]
+    assert np.array_equal(data["label"], labels)
+    assert np.array_equal(data["margin"], margin)
+    assert np.array_equal(data["count"], count)
+    assert is_mesh(read_mesh(tmp_path / "a.ply"), *TETRAHEDRON)
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(str(tmp_path / "a.ply"))
+    assert np.array_equal(meshes.current_mesh().vertex_matrix(), TETRAHEDRON[0])
+    assert np.array_equal(meshes.current_mesh().face_matrix(), TETRAHEDRON[1])
+    assert np.array_equal(np.rint(meshes.current_mesh().vertex_color_matrix() * 255), label_colours(labels))
+
+
+@pytest.mark.parametrize(
+    ("properties", "message"),
+    [
+        ({"label": np.zeros(4)}, "the property 'label' must be letters, digits and underscores, and none of"),
+        ({"a b": np.zeros(4)}, "the property 'a b' must be letters"),
+        ({"a": np.zeros(3)}, "the property 'a' must have one number for each of the 4 vertices"),
+        ({"a": np.array(["x"] * 4)}, "the property 'a' must have one number"),
+        ({"a": np.full(4, 2**31)}, "the property 'a' has integers beyond 32 bits"),
+    ],
+)
+def test_a_property_that_cannot_be_written_is_refused(properties, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        write_ply(tmp_path / "a.ply", *TETRAHEDRON, np.zeros(4, dtype=int), properties=properties)
+    assert not (tmp_path / "a.ply").exists()

@@ -5,7 +5,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from heatwalk.io import read_mesh
+from heatwalk.io import read_mesh, threemf
 from heatwalk.meshes import MeshError
 from tests.helpers.mesh_files import TETRAHEDRON, is_mesh
 
@@ -127,3 +127,57 @@ def test_a_file_cut_anywhere_or_of_another_kind_is_an_error(tmp_path):
     path.write_bytes(package())
     with pytest.raises(MeshError, match=r"refers to /3D/3dmodel\.model, which the archive does not contain"):
         read_mesh(path)
+
+
+ROWS = '<vertex x="{}" y="{}" z="{}" />'
+PLAIN_TRIANGLES = "".join('\n  <triangle v1="{}" v2="{}" v3="{}"/>'.format(*face) for face in FACES.tolist()) + "\n "
+
+
+def with_tables(vertices, triangles):
+    mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
+    return model(f'<object id="1">{mesh}</object>', '<item objectid="1"/>').encode()
+
+
+def test_rows_of_the_usual_layout_are_read_without_the_parser(tmp_path):
+    text = with_tables("".join(ROWS.format(*row) for row in VERTICES.tolist()), PLAIN_TRIANGLES)
+    tables = []
+    shortened = threemf._shortened(text, tables)
+    assert shortened.count(b"<heatwalk-table") == 2
+    assert b"<vertex" not in shortened
+    assert np.array_equal(tables[0], VERTICES)
+    assert np.array_equal(tables[1], FACES)
+    assert is_mesh(read(tmp_path, ("3dmodel.model", text.decode())), *TETRAHEDRON)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('x="1.0"', 'x="1.0 "'),
+        ('x="1.0"', 'x=""'),
+        ('x="1.0" y="0.0"', 'y="0.0" x="1.0"'),
+        ('x="1.0"', 'x="&#49;"'),
+        ('x="1.0"', "x='1.0'"),
+        ('x="1.0"', 'x="one"'),
+        ('<vertex x="1.0"', '<vertex/><vertex x="1.0"'),
+        ("</vertices>", "</vertices >"),
+        ("<vertices>", "<vertices><!-- -->"),
+        ('v1="0"', 'v1="0" pid="1"'),
+        ('v1="0"', 'v1="9"'),
+        ("</triangles>", ""),
+        ("</mesh>", "<vertices></vertices></mesh>"),
+    ],
+)
+def test_rows_of_another_layout_are_read_or_rejected_as_by_the_parser_alone(tmp_path, before, after, monkeypatch):
+    text = with_tables("".join(ROWS.format(*row) for row in VERTICES.tolist()), PLAIN_TRIANGLES).decode()
+    text = text.replace(before, after, 1)
+    results = []
+    for _ in range(2):
+        try:
+            results.append(read(tmp_path, ("3dmodel.model", text)))
+        except MeshError as error:
+            results.append(str(error))
+        monkeypatch.setattr(threemf, "_shortened", lambda model, tables: model)
+    if isinstance(results[0], str):
+        assert results[0] == results[1]
+    else:
+        assert is_mesh(results[0], results[1].vertices, results[1].faces)
