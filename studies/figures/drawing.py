@@ -180,7 +180,7 @@ def _as_laid_out(figure: Figure) -> Iterator[None]:
     if engine is None:
         yield
         return
-    figure.set_layout_engine("none")
+    figure.set_layout_engine(None)  # the default of matplotlib, which is no engine
     try:
         yield
     finally:

@@ -74,9 +74,11 @@ def files_read_once():
             merged[key] = compose_from(self, defaults, repo)
         return copy.deepcopy(merged[key])
 
-    with patch.object(ConfigRepository, "load_config", load_config):
-        with patch.object(ConfigLoaderImpl, "_compose_config_from_defaults_list", merge):
-            yield
+    with (
+        patch.object(ConfigRepository, "load_config", load_config),
+        patch.object(ConfigLoaderImpl, "_compose_config_from_defaults_list", merge),
+    ):
+        yield
 
 
 @contextmanager

@@ -65,10 +65,8 @@ def test_a_terminal_that_lacks_characters_shows_others(here, run):
 @pytest.mark.parametrize("words", [["studies.status", "."], ["studies.report", "."], ["studies.run", "--help"]])
 def test_a_reader_that_leaves_early_is_no_error(study, here, words, python):
     assert study("repeats=1", results=".")
-    if words[0] == "studies.status":
-        done = command_without_reader(words)
-    else:
-        done = python.run(here, words, unread=[1])
+    is_short = words[0] == "studies.status"
+    done = command_without_reader(words) if is_short else python.run(here, words, unread=[1])
     assert done.stderr == b""
     assert done.returncode == 0
     if words[0] == "studies.report":
