@@ -119,9 +119,11 @@ def _redirect(streams):
 
 
 if __name__ == "__main__":
+    gc.disable()  # what is imported is no garbage
     import_all(of_charts="charts" in sys.argv)
     assert ("matplotlib" in sys.modules) == ("charts" in sys.argv)
     gc.freeze()  # what is there is not looked through again, by the processes that are forked
+    gc.enable()
     command = _serve()
     if command:
         runpy.run_module(command, run_name="__main__", alter_sys=True)
