@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import io
 import os
 import sys
@@ -10,6 +11,9 @@ from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
 
 SUCCESS, SOME_FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130  # exit codes
+
+# How often Python looks for garbage: what a command imports is none, and looking through it takes a while.
+RARELY = (20_000, 10, 10)
 
 # What writing to a pipe raises that nobody reads any more; EINVAL on Windows.
 _CLOSED = (errno.EPIPE, errno.EINVAL, errno.ECONNRESET)
@@ -24,11 +28,14 @@ def run_command(main: Callable[[], int | None]) -> NoReturn:
         () -> exit code; None is 0
     """
     prepare_output()
+    gc.set_threshold(*RARELY)
     try:
         code = main() or SUCCESS
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         code = INTERRUPTED
+    finally:
+        gc.freeze()  # or Python, before it ends, looks for garbage among all that was imported, which takes a second
     sys.exit(code)
 
 

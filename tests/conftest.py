@@ -1,5 +1,6 @@
 """The Princeton benchmark and TOSCA for the tests, where they are at hand."""
 
+import gc
 import os
 import shutil
 import signal
@@ -22,6 +23,9 @@ from tests.helpers.meshes import DATA
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell makes what it starts in the background ignore Ctrl-C, and children inherit that: tests of it would hang.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+gc.set_threshold(20_000, 10, 10)  # what is imported and collected is no garbage, and looking through it takes long
 
 
 def pytest_configure(config):
@@ -70,6 +74,7 @@ def pytest_unconfigure(config):
     """The cache ends with the run."""
     if hasattr(config, "mesh_cache"):
         shutil.rmtree(config.mesh_cache, ignore_errors=True)
+    gc.freeze()  # or Python, before it ends, looks for garbage among all that was imported
 
 
 @pytest.fixture(scope="session")

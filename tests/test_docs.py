@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 import yaml
-from hydra import compose, initialize_config_module
+from hydra import initialize_config_module
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
@@ -21,6 +21,7 @@ import conf
 import heatwalk
 from studies.planning.command_line import list_globbed_studies, quote_argument
 from studies.planning.configuration import instantiate_experiment
+from tests.helpers.composing import composition, files_read_once
 from tests.helpers.documents import PAGES, ROOT, Block, blocks, commands
 
 TEXT = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in PAGES}
@@ -34,6 +35,13 @@ SNIPPETS = [
     if block.language == "python" and not block.title
 ]
 PAPER = yaml.safe_load((Path(conf.__file__).parent / "paper" / "heat_walk_2011.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def read_configurations_once():
+    """Composing a configuration takes most of the time of these tests."""
+    with files_read_once():
+        yield
 
 
 @pytest.fixture
@@ -83,7 +91,7 @@ def test_a_documented_command_composes(command):
     words = [word for word in shlex.split(command)[3:] if word != "--help"]
     for overrides in jobs(words):
         with initialize_config_module("conf", version_base="1.3"):
-            cfg = compose("config", list(overrides))
+            cfg = composition(overrides)
         if words:
             instantiate_experiment(OmegaConf.to_container(cfg, resolve=True))
 

@@ -5,6 +5,7 @@ to one thread, and imports no pandas, whose Arrow starts threads when it is impo
 """
 
 import contextlib
+import gc
 import os
 import signal
 from importlib import import_module
@@ -29,6 +30,9 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is left to the head proce
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ[_variable] = "1"
 os.environ["MPLBACKEND"] = "Agg"  # workers show nothing
+gc.disable()  # what is imported is no garbage
 for _module in NEEDED:
     with contextlib.suppress(Exception):  # this only saves time: a task that needs the module reports the error
         import_module(_module)
+gc.freeze()  # nor do workers look through it, which would copy it to each of them
+gc.enable()

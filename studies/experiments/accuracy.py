@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from heatwalk import faces_from_vertices
@@ -18,6 +17,7 @@ from studies.statistics.bootstrap import interval_of_mean, model_mean
 
 if TYPE_CHECKING:
     import pandas as pd
+    import trimesh
 
     from studies.datasets import Model
 
@@ -87,6 +87,7 @@ class GroundTruth:
 
     Examples
     --------
+    >>> import trimesh
     >>> mesh = trimesh.creation.box()
     >>> truth = GroundTruth(mesh, np.int64(mesh.vertices[:, 2] > 0), [np.int64(mesh.triangles_center[:, 2] > 0)])
     >>> values = truth.values(np.arange(8), np.zeros(8, dtype=np.int64))

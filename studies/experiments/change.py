@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import trimesh
 
 import perturb
 from studies import metrics
@@ -43,6 +42,7 @@ from studies.statistics.bootstrap import interval_of_mean, model_mean, model_mea
 
 if TYPE_CHECKING:
     import pandas as pd
+    import trimesh  # its import would take half of the time of a report
 
     from studies.datasets import Dataset
     from studies.experiments.experiment import Labels

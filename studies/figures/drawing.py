@@ -6,7 +6,8 @@ Figures are made without pyplot, so that the backend that is chosen, and a noteb
 import dataclasses
 import logging
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,7 @@ LONGEST_ROW = 1.8  # of a row of dots, in inches
 FEWEST_FROM_COMMA = 1_000  # numbers from here on have their digits grouped
 NOTHING = "no trial succeeded"
 NO_CHANGE = "0 at every level"
+LAYOUT_TABLES = ("GDEF", "GPOS", "GSUB", "kern")  # of a font: ligatures, kerning and other choices of glyphs
 
 # matplotlib's own defaults first, whatever the user's matplotlibrc contains.
 styled = matplotlib.style.context(["default", RC])
@@ -166,8 +168,36 @@ def save(figure: Figure, path: Path, content: str | None = None) -> None:
     with atomic_write(path) as part:
         figure.savefig(part, dpi=DPI, metadata={"Software": None} | shows)
     if content is None:
-        with atomic_write(path.with_suffix(".pdf")) as part:
-            figure.savefig(part, metadata={"CreationDate": None, "Creator": None, "Producer": None})
+        nameless = {"CreationDate": None, "Creator": None, "Producer": None}
+        with atomic_write(path.with_suffix(".pdf")) as part, _as_laid_out(figure), _without_layout_tables():
+            figure.savefig(part, metadata=nameless)
+
+
+@contextmanager
+def _as_laid_out(figure: Figure) -> Iterator[None]:
+    """Leave the parts of a figure where they were when it was last drawn; finding places for them takes long."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        yield
+        return
+    figure.set_layout_engine(None)  # the default of matplotlib, which is no engine
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)
+
+
+@contextmanager
+def _without_layout_tables() -> Iterator[None]:
+    """Embed fonts without what only lays out text, which a PDF does not use: a smaller file in half of the time."""
+    from fontTools.subset import Options
+
+    dropped = Options._drop_tables_default
+    Options._drop_tables_default = [*dropped, *LAYOUT_TABLES]
+    try:
+        yield
+    finally:
+        Options._drop_tables_default = dropped
 
 
 def _texts(chart: Any) -> list[str]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from scipy.ndimage import uniform_filter
 
 from studies.figures.colours import BACKGROUND, match_colours
 from studies.figures.pictures import Picture, Row, Tile, label_of
@@ -340,6 +339,8 @@ def detail_view(mesh: trimesh.Trimesh, labels: np.ndarray, view: View) -> View:
     View
         along the same axes, ``DETAIL_EDGES`` mean edge lengths wide, and at most half as large as the shape
     """
+    from scipy.ndimage import uniform_filter  # here, because it takes long to import
+
     size = (180, 150)
     seen = visible_faces(mesh, view, size)
     extent = min(DETAIL_EDGES * float(mesh.edges_unique_length.mean()), LARGEST_DETAIL * float(view.extent.max()))

@@ -12,7 +12,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import yaml
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -23,6 +22,7 @@ from omegaconf import DictConfig, OmegaConf
 from studies._own_packages import CONF
 from studies.planning.errors import StudyError
 from studies.planning.names import folder_name
+from studies.storage.text import parse_yaml
 
 # Swept options that already have a folder of their own in results_dir.
 OWN_FOLDER = ("study", "dataset")
@@ -280,7 +280,7 @@ def where_is(name: str) -> str:
     if group in CHOICES and group != "study":
         found = [file for file, content in _shipped(group) if option in content]
         return ", ".join(f"{group}={file}" for file in found)
-    if group in yaml.safe_load(CONF.joinpath("config.yaml").read_text("utf-8")):
+    if group in parse_yaml(CONF.joinpath("config.yaml").read_text("utf-8")):
         return ""  # every study has it
     part, _, below = option.partition(".")
     if group == "parts" and below.partition(".")[0] not in OPTIONS_OF_PART:
@@ -302,7 +302,7 @@ def _shipped(group: str) -> list[tuple[str, Mapping[str, Any]]]:
     """The name and the content of every file of a group of the shipped configuration."""
     folder = CONF.joinpath(group)
     files = sorted(file.name for file in folder.iterdir() if file.name.endswith(".yaml"))
-    return [(name[:-5], yaml.safe_load(folder.joinpath(name).read_text("utf-8")) or {}) for name in files]
+    return [(name[:-5], parse_yaml(folder.joinpath(name).read_text("utf-8")) or {}) for name in files]
 
 
 def _is_option_elsewhere(node: DictConfig, name: str) -> bool:

@@ -366,7 +366,7 @@ def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, .
     single = _options(cfg, "segmenter")
     if cfg.get("segmenters") is None and cfg.get("reference_segmenter") is None:
         return (make_segmenter(single),)
-    known = _known_segmenters()
+    known = _known_segmenters(cfg.get("segmenters"), cfg.get("reference_segmenter"))
     reference = None
     if cfg.get("reference_segmenter") is not None:
         reference = make_segmenter(_options_of("reference_segmenter is", cfg.reference_segmenter, known))
@@ -388,11 +388,17 @@ def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, .
     return found
 
 
-def _known_segmenters() -> dict[str, dict[str, Any]]:
-    """The options of each method in conf/segmenter, and in further folders of the search path."""
-    names = GlobalHydra.instance().config_loader().get_group_options("segmenter")
+def _known_segmenters(*chosen: Any) -> dict[str, dict[str, Any]]:
+    """The options of methods that are chosen, by name or in a list, from those that there are; of all if ALL is."""
+    listed = [name for each in chosen for name in (each if isinstance(each, list | ListConfig) else [each])]
+    names = [name for name in _names_of_methods() if ALL in listed or name in listed]
     cfg = compose(overrides=[f"+segmenter@{name}={name}" for name in names])
     return {name: _options(cfg, name) for name in names}
+
+
+def _names_of_methods() -> list[str]:
+    """The methods in conf/segmenter, and in further folders of the search path."""
+    return GlobalHydra.instance().config_loader().get_group_options("segmenter")
 
 
 def _names_of_segmenters(names: Any, known: Mapping[str, Mapping[str, Any]]) -> list[Any]:
@@ -415,7 +421,8 @@ def _options_of(where: str, name: Any, known: Mapping[str, dict[str, Any]]) -> d
         return {"_target_": str(name)}
     if name not in known:
         raise StudyError(
-            f"{where} {name!r}, which is neither one of {', '.join(known)} nor a dotted name such as my_package.method"
+            f"{where} {name!r}, which is neither one of {', '.join(_names_of_methods())} nor a dotted name such as "
+            "my_package.method"
         )
     return known[name]
 

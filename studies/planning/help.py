@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import yaml
-
 from studies._own_packages import CONF
+from studies.storage.text import parse_yaml
 
 # Groups of configurations in the order of the help, with the choice that is made if none is typed.
 CHOICES = {"study": None, "dataset": "bundled", "segmenter": "heat_walk", "perturbation": None, "engine": "local"}
@@ -70,7 +69,7 @@ def _chosen(arguments: Sequence[str]) -> dict[str, str | None]:
     chosen = dict(CHOICES)
     study = CONF / "study" / f"{typed.get('study')}.yaml"
     if study.is_file():
-        for default in yaml.safe_load(study.read_text("utf-8")).get("defaults", []):
+        for default in parse_yaml(study.read_text("utf-8")).get("defaults", []):
             for key, name in default.items() if isinstance(default, dict) else ():
                 group = key.removeprefix("override ").lstrip("/").partition("@")[0]
                 if group in chosen and group != "study":

@@ -14,6 +14,7 @@ from studies.columns import AUTHORS, COMPUTED, Column, Published, Table
 from studies.experiments.experiment import PUBLISHED
 from studies.planning.errors import StudyError
 from studies.reporting.claims import Claim
+from studies.storage.text import parse_yaml
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,9 +25,7 @@ PERCENT = " %"
 @functools.cache
 def _read(name: str) -> Mapping[str, Any]:
     """What conf/paper/NAME.yaml contains, read once: a report needs it for each of its studies."""
-    import yaml
-
-    return yaml.safe_load(CONF.joinpath("paper", f"{name}.yaml").read_text("utf-8"))
+    return parse_yaml(CONF.joinpath("paper", f"{name}.yaml").read_text("utf-8"))
 
 
 class Publication:

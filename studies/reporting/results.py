@@ -117,13 +117,13 @@ class Results:
         """Name of the dataset."""
         return str(self.rows["dataset"].iloc[0]) if len(self.rows) else ""
 
-    @property
+    @cached_property
     def methods(self) -> list[str]:
         """Names of the methods, without the people of a benchmark."""
         named = self.rows.loc[self.rows["segmenter_options"].notna(), "segmenter"]
         return list(dict.fromkeys((named if len(named) else self.rows["segmenter"]).dropna().astype(str)))
 
-    @property
+    @cached_property
     def models(self) -> list[str]:
         """Names of the models."""
         columns = [name for name in ("model", "other") if name in self.rows]
@@ -134,7 +134,7 @@ class Results:
         """How many models of how many, "" for all of the dataset."""
         return subset(len(self.models), self.n_models_of)
 
-    @property
+    @cached_property
     def extent(self) -> str:
         """How large it is, if its title says that instead of naming the methods."""
         return self.experiment.extent(self.rows) if len(self.rows) else ""

@@ -53,12 +53,22 @@ def interval_of_mean(rows: pd.DataFrame, column: str) -> tuple[float, float]:
     >>> interval_of_mean(rows, "value")
     (1.0, 3.0)
     """
-    values = [group.to_numpy(dtype=float) for _, group in rows.groupby("model")[column]]
+    values = _values_of_models(rows, column)
     if sum(map(len, values)) < 2:
         return NO_INTERVAL
     if all(len(repeats) == 1 for repeats in values):
         return _one_value_per_model(np.concatenate(values))
     return _nested(values)
+
+
+def _values_of_models(rows: pd.DataFrame, column: str) -> list[NDArray[np.float64]]:
+    """The values of each model, in the order of the models' names: ``rows.groupby("model")[column]``, but quicker."""
+    import pandas as pd
+
+    codes, _ = pd.factorize(rows["model"], sort=True)  # -1 where there is no name
+    order = np.argsort(codes, kind="stable")[np.count_nonzero(codes < 0) :]
+    values = rows[column].to_numpy(dtype=float)[order]
+    return np.split(values, np.cumsum(np.bincount(codes[order]))[:-1]) if len(order) else []
 
 
 def _one_value_per_model(values: NDArray[np.float64]) -> tuple[float, float]:

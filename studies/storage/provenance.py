@@ -1,5 +1,6 @@
 """What results were made with, and from what."""
 
+import functools
 import platform
 import subprocess
 from collections.abc import Mapping
@@ -57,7 +58,7 @@ def provenance(meshes: Mapping[str, str], command: str) -> dict[str, Any]:
         "algorithm_version": heatwalk.ALGORITHM_VERSION,
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
-        "packages": _versions(),
+        "packages": dict(_versions()),
         "meshes_sha256": dict(meshes),
     }
 
@@ -77,7 +78,9 @@ def _git(*words: str) -> str:
     return done.stdout.strip()
 
 
+@functools.cache
 def _versions() -> dict[str, str]:
+    """The versions of ``PACKAGES``, which do not change while this process runs."""
     versions = {}
     for name in PACKAGES:
         try:

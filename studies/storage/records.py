@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from studies.planning.errors import StudyError
+from studies.storage.text import parse_yaml
 
 CONFIG_FILE = "config.yaml"
 PROVENANCE_FILE = "provenance.json"
@@ -28,7 +29,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     """
     path = folder / CONFIG_FILE
     try:
-        record = yaml.safe_load(path.read_text("utf-8"))
+        record = parse_yaml(path.read_text("utf-8"))
     except (yaml.YAMLError, ValueError) as error:
         raise StudyError(f"{path} is damaged: {' '.join(str(error).split())}") from error
     entries = record if isinstance(record, dict) else {}

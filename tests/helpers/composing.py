@@ -2,13 +2,24 @@
 
 import copy
 import functools
+from contextlib import ExitStack, contextmanager, suppress
+from unittest.mock import patch
 
-from hydra import compose
+from hydra import compose, initialize_config_dir
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra._internal.config_repository import ConfigRepository
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig
+
+from studies._own_packages import CONF
+
+SHIPPED = {"hydra", "main", "schema"}  # providers of configurations that no test changes
+HYDRAS_OWN = {
+    ConfigRepository: ("load_config", ConfigRepository.load_config),
+    ConfigLoaderImpl: ("_compose_config_from_defaults_list", ConfigLoaderImpl._compose_config_from_defaults_list),
+}
 
 _compose_groups = functools.cache(lambda *words: compose("config", list(words)))
 _parsed = functools.cache(lambda word: OverridesParser.create().parse_overrides([word])[0])
@@ -36,3 +47,51 @@ def _is_choice(override: Override) -> bool:
     """Whether an override chooses from a group, in which case Hydra reads other files."""
     repository = GlobalHydra.instance().config_loader().repository
     return repository.group_exists(override.key_or_group) and not isinstance(override.value(), dict)
+
+
+@contextmanager
+def files_read_once():
+    """Hydra reads and merges the same files of this project once, in this process and in those forked from it."""
+    loaded, merged = {}, {}
+
+    def load_config(self, config_path):
+        _, load = HYDRAS_OWN[ConfigRepository]
+        found = [source for source in self.sources if source.is_config(config_path)][:1]
+        if not found or found[0].provider not in SHIPPED:
+            return load(self, config_path)
+        key = found[0].path, config_path
+        if key not in loaded:
+            loaded[key] = load(self, config_path)
+        return copy.deepcopy(loaded[key])
+
+    def merge(self, defaults, repo):
+        _, compose_from = HYDRAS_OWN[ConfigLoaderImpl]
+        sources = repo.get_sources()
+        if not {source.provider for source in sources} <= SHIPPED:
+            return compose_from(self, defaults, repo)
+        key = (*(source.path for source in sources), *((repr(default), default.primary) for default in defaults))
+        if key not in merged:
+            merged[key] = compose_from(self, defaults, repo)
+        return copy.deepcopy(merged[key])
+
+    with (
+        patch.object(ConfigRepository, "load_config", load_config),
+        patch.object(ConfigLoaderImpl, "_compose_config_from_defaults_list", merge),
+    ):
+        yield
+
+
+@contextmanager
+def as_hydra_does():
+    """Within `files_read_once`, Hydra as it is."""
+    with ExitStack() as stack:
+        for owner, (name, function) in HYDRAS_OWN.items():
+            stack.enter_context(patch.object(owner, name, function))
+        yield
+
+
+@functools.cache
+def read_ahead(*words: str) -> None:
+    """Read the files that a command with these words chooses, for the processes that are forked from this one."""
+    with suppress(Exception), initialize_config_dir(str(CONF), version_base="1.3"):
+        compose("config", list(words))

@@ -77,10 +77,12 @@ def next_command() -> list[str]:
 
     sys.path.pop(0)  # the folder of this file
     modules, prepare = pickle.load(sys.stdin.buffer)
+    gc.disable()  # what is imported is no garbage
     for module in modules:
         importlib.import_module(module)
     exec(prepare, {})
     gc.freeze()
+    gc.enable()
     while True:
         try:
             words, cwd, environment, files = pickle.load(sys.stdin.buffer)

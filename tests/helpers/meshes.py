@@ -28,3 +28,14 @@ def bundled(name):
     mesh = trimesh.load(bundled_path(name), process=False, force="mesh")
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     return trimesh.Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), process=False)
+
+
+def coarse(mesh, n_faces):
+    """The mesh simplified to so many faces, with the same topology: trimesh.Trimesh."""
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=n_faces, preservetopology=True)
+    simplified = meshes.current_mesh()
+    return trimesh.Trimesh(simplified.vertex_matrix(), simplified.face_matrix(), process=False)

@@ -69,10 +69,12 @@ def import_all(*, of_charts=True):
     from hydra import compose, initialize_config_module
     from rich.console import Console
 
+    from heatwalk.segmentation import compile_ahead
     from studies.execution import Serial, run_trials
     from studies.execution.study import run_study
     from studies.planning.configuration import configure
 
+    compile_ahead()
     with TemporaryDirectory() as folder, initialize_config_module("conf", version_base="1.3"):
         bundled("ant").export(Path(folder) / "ant.off")
         words = [*STUDY, f"dataset.glob={folder}/ant.off", f"results_dir={folder}"]
@@ -117,9 +119,11 @@ def _redirect(streams):
 
 
 if __name__ == "__main__":
+    gc.disable()  # what is imported is no garbage
     import_all(of_charts="charts" in sys.argv)
     assert ("matplotlib" in sys.modules) == ("charts" in sys.argv)
     gc.freeze()  # what is there is not looked through again, by the processes that are forked
+    gc.enable()
     command = _serve()
     if command:
         runpy.run_module(command, run_name="__main__", alter_sys=True)

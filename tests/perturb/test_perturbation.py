@@ -8,7 +8,6 @@ from pathlib import Path
 
 import hydra
 import numpy as np
-import pymeshlab
 import pytest
 import trimesh
 from omegaconf import OmegaConf
@@ -18,7 +17,7 @@ from trimesh.caching import tracked_array
 import perturb
 from perturb import PerturbationError
 from perturb.testing import check_perturbation
-from tests.helpers.meshes import bundled
+from tests.helpers.meshes import bundled, coarse
 from tests.helpers.perturbing import rng
 
 EXAMPLES = [
@@ -38,10 +37,10 @@ EXAMPLES = [
     perturb.Scaling(3.0),
     perturb.MissingParts(0.1),
     perturb.MissingParts(0.1, shape="plane"),
-    perturb.Tessellation(2.0),
+    perturb.Tessellation(1.0),
     perturb.Tessellation(4.0, method="subdivision"),
-    perturb.Tessellation(2.0, method="anisotropic"),
-    perturb.Tessellation(2.0, method="irregular"),
+    perturb.Tessellation(1.0, method="anisotropic"),
+    perturb.Tessellation(1.0, method="irregular"),
     perturb.SelfIntersections(2, thickness=0.5),
     perturb.Composite(0.8),
     perturb.Duplicates(0.2),
@@ -73,13 +72,7 @@ CONFIGS = sorted((Path(__file__).parents[2] / "conf" / "perturbation").glob("*.y
 def mesh(request):
     """A shape of angular components, and one of a single component with holes in it: a cow of a third of its faces."""
     mesh = bundled(request.param)
-    if request.param == "cow":
-        meshes = pymeshlab.MeshSet()
-        meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-        meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=2000, preservetopology=True)
-        coarse = meshes.current_mesh()
-        mesh = trimesh.Trimesh(coarse.vertex_matrix(), coarse.face_matrix(), process=False)
-    return mesh
+    return coarse(mesh, 2000) if request.param == "cow" else mesh
 
 
 @cache

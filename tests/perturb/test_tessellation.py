@@ -10,7 +10,7 @@ import trimesh
 
 import perturb
 from perturb import PerturbationError
-from tests.helpers.meshes import bundled
+from tests.helpers.meshes import bundled, coarse
 from tests.helpers.perturbing import rng
 
 AMOUNTS = (0.5, 1.5)
@@ -23,12 +23,7 @@ def tessellate(mesh, amount, method="isotropic", seed=0):
 @pytest.fixture(scope="module")
 def armadillo(psb_mesh):
     """The benchmark's finest kind of model, with all relief that 12,000 of its 50,542 faces can show."""
-    mesh = psb_mesh(281)
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=12_000, preservetopology=True)
-    coarse = meshes.current_mesh()
-    return trimesh.Trimesh(coarse.vertex_matrix(), coarse.face_matrix(), process=False)
+    return coarse(psb_mesh(281), 12_000)
 
 
 def distances(mesh, points):

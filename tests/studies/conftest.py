@@ -29,7 +29,7 @@ from studies.figures.charts import Chart
 from studies.planning.configuration import configure
 from studies.run import main
 from studies.storage import atomic_write
-from tests.helpers.composing import composition
+from tests.helpers.composing import composition, files_read_once, read_ahead
 from tests.helpers.meshes import bundled
 from tests.helpers.terminal import import_all
 
@@ -56,6 +56,29 @@ def draw_charts_once(tmp_path_factory):
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(drawing, "draw", lambda chart: chart)
         monkeypatch.setattr(drawing, "save", copy_or_save)
+        yield
+
+
+@pytest.fixture
+def charts_as_text(monkeypatch):
+    """Charts are written as text, for tests of rows, messages and folders: others draw the charts of every study."""
+    save = drawing.save
+
+    def write_or_save(figure, path, content=None):
+        if not isinstance(figure, Chart):
+            save(figure, path, content)
+            return
+        for suffix in (".png", ".pdf"):
+            path.with_suffix(suffix).write_text(str(figure), "utf-8")
+
+    monkeypatch.setattr(drawing, "draw", lambda chart: chart)
+    monkeypatch.setattr(drawing, "save", write_or_save)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def read_configurations_once():
+    """Composing a configuration takes most of the time of a command that has little to do."""
+    with files_read_once():
         yield
 
 
@@ -136,6 +159,8 @@ def study(here, configured):
     return run
 
 
+CHOICES = ("+study", "dataset", "segmenter", "engine")  # options that choose files
+
 fork = multiprocessing.get_context("fork")  # for processes of their own that have imported everything
 
 
@@ -151,23 +176,25 @@ def typed(folder, *words):
         Hydra.get_mode = lambda *_, **__: None  # it composes everything to read hydra.mode, which nobody types here
         main()
 
+    read_ahead(*(word for word in words if word.partition("=")[0] in CHOICES and "," not in word))
     return in_fork(folder, command, "studies.run", *words)
 
 
-def typed_command(folder, module, *words, columns="80"):
+def typed_command(folder, module, *words, columns="80", encoding="utf-8"):
     """What ``python -m MODULE`` gives in a folder, on a terminal of so many columns: CompletedProcess."""
 
     def command():
         sys.modules.pop(module, None)  # it runs as __main__
         runpy.run_module(module, run_name="__main__", alter_sys=True)
 
-    return in_fork(folder, command, module, *words, columns=columns)
+    return in_fork(folder, command, module, *words, columns=columns, encoding=encoding)
 
 
-def in_fork(folder, command, *words, columns="80"):
+def in_fork(folder, command, *words, columns="80", encoding="utf-8"):
     """What a function prints in a process that is forked from this one, and its exit code: CompletedProcess.
 
-    It cannot start worker processes: multiprocessing would look for the helpers that this process has started.
+    Its streams are those of an interpreter with the encoding, and what follows its colon, in ``PYTHONIOENCODING``. It
+    cannot start worker processes: multiprocessing would look for the helpers that this process has started.
     """
     import_everything()
 
@@ -175,11 +202,15 @@ def in_fork(folder, command, *words, columns="80"):
         gc.freeze()  # what this process has imported is not looked through again
         os.chdir(folder)
         sys.path.insert(0, str(folder))  # as of an interpreter that is started there
-        os.environ["COLUMNS"] = columns
+        os.environ |= {"COLUMNS": columns, "PYTHONIOENCODING": encoding}
         sys.argv, sys.stdout, sys.stderr = list(words), said, complained
         command()
 
-    with TemporaryFile("w+") as said, TemporaryFile("w+") as complained:
+    name, _, errors = encoding.partition(":")
+    with (
+        TemporaryFile("w+", encoding=name, errors=errors or "strict") as said,
+        TemporaryFile("w+", encoding=name, errors="backslashreplace") as complained,
+    ):
         process = fork.Process(target=run, args=(said, complained))
         process.start()
         process.join()

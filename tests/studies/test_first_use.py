@@ -13,6 +13,8 @@ from studies._own_packages import CONF, _OwnPackages, prefer_own_packages
 from studies.planning.help import help_text
 from tests.studies.conftest import typed
 
+pytestmark = pytest.mark.usefixtures("charts_as_text")
+
 ROOT = Path(studies.__file__).parents[1]
 
 
@@ -89,15 +91,15 @@ def test_shell_completion_is_not_offered(tmp_path):
 # --- commands
 
 
-def test_the_packages_are_commands_too(tmp_path):
+def test_the_packages_are_commands_too(tmp_path, interpreter):
     done = command(tmp_path, "-m", "heatwalk", "--version")
     assert (done.returncode, done.stdout.split()[0]) == (0, "heatwalk")
     done = command(tmp_path, "-m", "studies", "--help")
     assert done.returncode == 0
     assert [line.split()[0] for line in done.stdout.splitlines()[2:]] == ["run", "status", "report", "merge"]
-    done = command(tmp_path, "-m", "studies", "status", "nowhere")
+    done = interpreter.run(["-m", "studies", "status", "nowhere"], tmp_path)
     assert (done.returncode, done.stderr) == (2, "studies.status: error: no results of a study in nowhere\n")
-    done = command(tmp_path, "-m", "studies", "runn")
+    done = interpreter.run(["-m", "studies", "runn"], tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
 
 

@@ -19,6 +19,8 @@ from studies.planning.targets import locate
 from tests.helpers.hostile import DEEDS
 from tests.studies.conftest import typed
 
+pytestmark = pytest.mark.usefixtures("charts_as_text")
+
 SCALING = (
     "+study=scaling", "dataset=files", "dataset.glob=ant.off", "segmenter=custom", "gallery.models=0",
     "segmenter._target_=tests.helpers.hostile.halves", "levels=[1,2,3]", "repeats=1",

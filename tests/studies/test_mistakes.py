@@ -6,8 +6,10 @@ from hydra.errors import HydraException
 
 from studies.planning.command_line import check_groups, flags_last, quote_argument
 from studies.planning.configuration import configure
-from tests.helpers.composing import composition
+from tests.helpers.composing import as_hydra_does, composition
 from tests.studies.conftest import typed
+
+pytestmark = pytest.mark.usefixtures("charts_as_text")
 
 FILES = ("dataset=files", "dataset.glob=ant.off", "engine=serial", "dry_run=true")
 
@@ -170,7 +172,9 @@ def result_of(function, *arguments):
 def test_what_the_tests_compose_is_what_hydra_composes(here, word):
     with initialize_config_module("conf", version_base="1.3"):
         words = ["+study=holes", "repeats=2", word, *FILES]
-        assert result_of(composition, words) == result_of(compose, "config", words)
+        composed = result_of(composition, words)
+        with as_hydra_does():
+            assert composed == result_of(compose, "config", words)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,8 @@ from studies.metrics import Metric, registry
 from tests.studies.conftest import STUDY
 from tests.studies.test_survival import FOLDER, rows, table
 
+pytestmark = pytest.mark.usefixtures("charts_as_text")
+
 
 def said(capsys):
     return " ".join(capsys.readouterr().out.split())

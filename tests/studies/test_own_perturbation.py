@@ -1,8 +1,6 @@
 """A perturbation of the user's own, as docs/perturbations.md shows it: typed in a folder of theirs."""
 
-import os
 import shlex
-import subprocess
 import sys
 
 import pandas as pd
@@ -22,13 +20,10 @@ def example():
     return code.text, shlex.split(run.text), shlex.split(check.text)
 
 
-def test_the_example_runs_where_it_is_typed(here, example):
+def test_the_example_runs_where_it_is_typed(here, example, interpreter):
     code, (_, *run), (_, _, check) = example
     (here / "my_package.py").write_text(code)
-    done = subprocess.run(
-        [sys.executable, *run, "dataset=files", "dataset.glob=ant.off", "engine.workers=1"],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, capture_output=True, text=True,
-    )  # fmt: skip
+    done = interpreter.run([*run, "dataset=files", "dataset.glob=ant.off", "engine.workers=1"], here)
     assert done.returncode == 0, done.stderr
     done = in_fork(here, lambda: exec(check, {}), "-c")
     assert done.returncode == 0, done.stderr

@@ -167,6 +167,7 @@ def test_ctrl_c_keeps_what_is_done_and_shows_it(folder, engine):
     assert 5 <= pd.read_csv(stored.parent / "table.csv")["n"][0] < 2000
 
 
+@pytest.mark.usefixtures("charts_as_text")
 def test_a_failed_trial_is_counted_and_said_and_the_exit_code_tells(folder):
     (folder / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n")
     done = typed(
@@ -180,6 +181,7 @@ def test_a_failed_trial_is_counted_and_said_and_the_exit_code_tells(folder):
     assert rows["status"].to_dict() == {"bad": "failed", "ant": "ok"}
 
 
+@pytest.mark.usefixtures("charts_as_text")
 def test_a_sweep_gives_each_study_and_each_value_a_folder(folder):
     done = typed(folder, "-m", "+study=holes,normal_noise", "segmenter.time=0.5,1", *ANT, "levels=[1]", "repeats=1")
     assert done.returncode == 0, done.stderr
@@ -189,6 +191,7 @@ def test_a_sweep_gives_each_study_and_each_value_a_folder(folder):
     }
 
 
+@pytest.mark.usefixtures("charts_as_text")
 def test_a_sweep_of_studies_alone_writes_where_single_runs_do(folder):
     done = typed(folder, "-m", "+study=holes,scaling", *ANT, "levels=[2]", "repeats=1")
     assert done.returncode == 0, done.stderr
@@ -196,6 +199,7 @@ def test_a_sweep_of_studies_alone_writes_where_single_runs_do(folder):
         assert (folder / "results" / study / "files" / "table.csv").exists()
 
 
+@pytest.mark.usefixtures("charts_as_text")
 def test_a_sweep_goes_on_past_a_study_that_fails(folder):
     (folder / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n")
     words = ("+study=scaling", "dataset=files", "gallery.models=0", "levels=[2]", "repeats=1")
@@ -241,6 +245,7 @@ segmenter:
 """
 
 
+@pytest.mark.usefixtures("charts_as_text")
 def test_a_study_in_a_folder_of_the_user_runs_and_says_how_to_run_it_again(folder):
     (folder / "conf" / "study").mkdir(parents=True)
     (folder / "conf" / "study" / "own.yaml").write_text(OWN_STUDY)

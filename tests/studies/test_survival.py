@@ -18,6 +18,8 @@ from tests.studies.conftest import STUDY, fork, typed
 from tests.studies.execution.engines import wait_for
 from tests.studies.test_run import run
 
+pytestmark = pytest.mark.usefixtures("charts_as_text")
+
 FOLDER = "normal_noise/files"
 
 
@@ -166,11 +168,11 @@ def test_where_a_file_can_grow_no_further_no_row_is_damaged(study, here, room):
 def test_a_full_disk_is_one_clear_line_and_with_more_room_the_study_goes_on(study, here):
     disk = here / "disk"
     disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)]
+    mount = ["mount", "-t", "tmpfs", "-o", "size=32k", "tmpfs", str(disk)]
     if subprocess.run(mount, capture_output=True).returncode:
         pytest.skip("no permission to mount a small tmpfs")
     try:
-        full = typed(here, *STUDY, "repeats=100", "results_dir=disk")
+        full = typed(here, *STUDY, "repeats=50", "results_dir=disk")
         assert full.returncode == 2
         assert re.fullmatch(
             rf"studies\.run: error: disk/{FOLDER}/trials\.jsonl: No space left on device; .*\n", full.stderr
@@ -179,9 +181,9 @@ def test_a_full_disk_is_one_clear_line_and_with_more_room_the_study_goes_on(stud
         assert kept.endswith(b"}\n")
         assert all(json.loads(line)["status"] == "ok" for line in kept.splitlines())
         subprocess.run(["mount", "-o", "remount,size=16m", str(disk)], check=True)
-        assert study("repeats=100", results="disk")
+        assert study("repeats=50", results="disk")
         assert (disk / FOLDER / "trials.jsonl").read_bytes().startswith(kept)
-        assert study("repeats=100")
+        assert study("repeats=50")
         assert table("disk") == table()
     finally:
         subprocess.run(["umount", str(disk)], check=True)

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import trimesh
-
 import perturb
 from studies.columns import Column, Table
 from studies.datasets import Dataset, Model
@@ -27,6 +25,7 @@ from studies.reporting.text import count_of
 
 if TYPE_CHECKING:
     import pandas as pd
+    import trimesh
 
     from studies.figures.charts import Chart
     from studies.segmenters import Segmenter

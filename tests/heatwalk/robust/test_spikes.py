@@ -44,7 +44,7 @@ def test_a_turned_and_scaled_shape_is_mended_alike(surface, spiky):
     mended, moved = remove_spikes(spiky[0], *neighbours)
     turned, moved_there = remove_spikes(5 * turn.apply(spiky[0]), *neighbours)
     assert np.array_equal(moved_there, moved)
-    assert turned == pytest.approx(5 * turn.apply(mended), abs=1e-9)
+    np.testing.assert_allclose(turned, 5 * turn.apply(mended), rtol=0, atol=1e-9)
 
 
 def test_most_spikes_of_one_edge_length_are_found_and_nothing_else(surface):

@@ -16,9 +16,14 @@ from tests.helpers.meshes import DATA
 from tests.studies.conftest import configured_with, frame_of_rows
 
 
-@pytest.fixture
-def planned(plan, psb_zip):
-    return plan("+study=table1", f"dataset.root={psb_zip}", "dataset.models=[50,209]")
+@pytest.fixture(scope="module")
+def planned(psb_zip):
+    return configured_with("+study=table1", f"dataset.root={psb_zip}", "dataset.models=[50,209]").plan()
+
+
+@pytest.fixture(scope="module")
+def rows_of_planned(planned):
+    return frame_of_rows(planned, Benchmark)
 
 
 def people(root, model):
@@ -27,8 +32,8 @@ def people(root, model):
     return {path.name: read_seg(path) for path in folder.glob("*.seg")}
 
 
-def test_the_row_of_a_method_is_its_mean_over_people(planned, rows_of, psb_root):
-    rows = rows_of(planned, Benchmark).set_index(["model", "segmenter"])
+def test_the_row_of_a_method_is_its_mean_over_people(rows_of_planned, psb_root):
+    rows = rows_of_planned.set_index(["model", "segmenter"])
     mesh = read_mesh(psb_root / "data" / "off" / "50.off")
     ours = heatwalk.segment(mesh.vertices, mesh.faces).face_labels
     against = pd.DataFrame(psb.evaluate(mesh, ours, labels) for labels in people(psb_root, "50").values())
@@ -38,8 +43,8 @@ def test_the_row_of_a_method_is_its_mean_over_people(planned, rows_of, psb_root)
         assert row[metric] == pytest.approx(against[metric].mean(), rel=1e-12), metric
 
 
-def test_the_row_of_people_is_the_mean_over_all_that_differ(planned, rows_of, psb_root):
-    row = rows_of([t for t in planned if t.model.name == "209"], Benchmark).set_index("segmenter")
+def test_the_row_of_people_is_the_mean_over_all_that_differ(rows_of_planned, psb_root):
+    row = rows_of_planned[rows_of_planned["model"] == "209"].set_index("segmenter")
     mesh = read_mesh(psb_root / "data" / "off" / "209.off")
     labels = people(psb_root, "209")
     ordered = pd.DataFrame(psb.evaluate(mesh, labels[a], labels[b]) for a in labels for b in labels if a != b)
@@ -47,8 +52,8 @@ def test_the_row_of_people_is_the_mean_over_all_that_differ(planned, rows_of, ps
         assert row.loc["Humans", metric] == pytest.approx(ordered[metric].mean(), rel=1e-9), metric
 
 
-def test_the_table_has_our_rows_and_the_papers_eight(planned, rows_of):
-    rows = rows_of(planned, Benchmark)
+def test_the_table_has_our_rows_and_the_papers_eight(rows_of_planned):
+    rows = rows_of_planned
     annotated = Publication.load("heat_walk_2011").annotate(Benchmark().tables(rows)[0], rows)
     table = annotated.frame.set_index(["source", "method"])
     for method in ("HeatWalk", "Humans"):

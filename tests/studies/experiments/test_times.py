@@ -11,7 +11,7 @@ from studies.reporting.publication import Publication
 
 
 def test_a_row_is_what_segmenting_at_that_time_gives(plan, rows_of):
-    planned = plan("+study=time", "dataset.models=[cow]", "times.count=4")
+    planned = plan("+study=time", "dataset.models=[ant]", "times.count=4")
     rows = rows_of(planned, Times).set_index("level")
     mesh = planned[0].model.load()
     usual = heatwalk.segment(mesh.vertices, mesh.faces).labels

@@ -37,10 +37,16 @@ def test_a_chart_is_a_pdf_and_a_png_of_300_dpi_with_the_same_bytes_again(chart, 
         assert image.width <= 300 * TWO_COLUMNS
 
 
-@pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
-def test_every_text_of_a_chart_is_inside_the_figure_and_touches_no_other(chart):
-    figure = draw(chart)
+@pytest.fixture(scope="module", params=CHARTS.values(), ids=CHARTS)
+def chart_and_figure(request):
+    """A chart, and its figure with everything in its place."""
+    figure = draw(request.param)
     figure.draw_without_rendering()
+    return request.param, figure
+
+
+def test_every_text_of_a_chart_is_inside_the_figure_and_touches_no_other(chart_and_figure):
+    chart, figure = chart_and_figure
     texts = set(figure.findobj(Text))
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):  # which have ticks beyond their ends as well, and do not draw them
@@ -115,10 +121,8 @@ def test_every_tick_of_a_logarithmic_axis_has_its_number_and_there_are_at_least_
         assert not [tick for tick in axis.get_minor_ticks() if low <= tick.get_loc() <= high and tick.get_visible()]
 
 
-@pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
-def test_a_tick_that_is_drawn_has_a_label(chart):
-    figure = draw(chart)
-    figure.draw_without_rendering()
+def test_a_tick_that_is_drawn_has_a_label(chart_and_figure):
+    _, figure = chart_and_figure
     panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
     for axis in (axis for axes in panels for axis in (axes.xaxis, axes.yaxis)):
         low, high = sorted(axis.get_view_interval())

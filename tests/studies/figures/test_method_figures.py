@@ -1,6 +1,8 @@
 import dataclasses
+import functools
 import pickle
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -9,16 +11,46 @@ import trimesh
 import heatwalk
 import perturb
 from heatwalk.accumulators import blocked_maximum_inner_products
+from heatwalk.io import LoadedMesh
 from studies.datasets.bundled import Bundled, BundledModel
 from studies.figures import method_figures
 from studies.figures.drawing import save
 from studies.figures.layout import lay_out
 from studies.figures.method_figures import PLATES, AnatomyPlate, PosePlate, TimePlate
 from studies.segmenters.heat_walk import HeatWalk
+from tests.helpers.meshes import coarse
+
+
+class Remembering(HeatWalk):
+    """A Heat Walk that segments a mesh once for all tests."""
+
+    found: ClassVar[dict] = {}
+
+    def segmentation(self, vertices, faces):
+        mesh = vertices.tobytes(), faces.tobytes()
+        if mesh not in self.found:
+            self.found[mesh] = super().segmentation(vertices, faces)
+        return self.found[mesh]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse_models():
+    """Bundled models with a sixth of their vertices: the plates compute the same of them."""
+    load = BundledModel.load
+
+    @functools.cache
+    def load_coarse(model):
+        loaded = load(model)
+        mesh = coarse(perturb.as_trimesh(loaded.vertices, loaded.faces), 2500)
+        return LoadedMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), loaded.notes)
+
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(BundledModel, "load", load_coarse)
+        yield
 
 
 @pytest.fixture(scope="module")
-def ant():
+def ant(coarse_models):
     loaded = Bundled(["ant"]).models()[0].load()
     return perturb.as_trimesh(loaded.vertices, loaded.faces)
 
@@ -85,7 +117,7 @@ def test_a_figure_has_the_same_bytes_again(ant, segmented, tmp_path):
 def trials(monkeypatch):
     """A trial of each of two bundled models, as far as plates are concerned; poses have all vertices in common."""
     monkeypatch.setattr(BundledModel, "correspondence", lambda model: np.arange(len(model.load().vertices)))
-    segmenter = Segmenter(HeatWalk())
+    segmenter = Segmenter(Remembering())
     return [
         SimpleNamespace(
             trial_id=f"id-{model.name}", model=model, segmenter=segmenter, segmenter_name="HeatWalk", part="shapes",
@@ -151,7 +183,7 @@ def test_an_unknown_plate_is_refused_with_the_known_ones(trials):
 
 
 def test_a_plate_of_poses_names_what_determines_it_and_gives_a_part_the_same_colour_in_each(trials):
-    trials[1].model, trials[1].poses, trials[1].segmenter = trials[0].model, trials[0].poses, Shuffled(HeatWalk())
+    trials[1].model, trials[1].poses, trials[1].segmenter = trials[0].model, trials[0].poses, Shuffled(Remembering())
     plate = PosePlate("figure6", [(trials[0], "ant"), (trials[1], "ant")], 1, "Poses")
     assert plate.content == "Poses ant key-ant ant key-cow"
     (row,), texts = tiles(plate)

@@ -9,6 +9,8 @@ from studies.planning.trial import TIMINGS
 from studies.storage import planned_ids
 from tests.studies.test_survival import FOLDER, rows, table
 
+pytestmark = pytest.mark.usefixtures("charts_as_text")
+
 
 def said(capsys):
     return " ".join(capsys.readouterr().err.split())
