@@ -51,7 +51,7 @@ property uchar green
 property uchar blue
 property uchar alpha
 property int label
-element face {n_faces}
+{more}element face {n_faces}
 property list uchar int vertex_indices
 end_header
 """
@@ -445,6 +445,7 @@ def write_ply(
     vertex_labels: ArrayLike,
     dissipator: int | None = None,
     comments: Sequence[str] = (),
+    margin: ArrayLike | None = None,
 ) -> None:
     """Write a mesh as binary PLY, with its vertices labelled, and coloured by label.
 
@@ -459,6 +460,8 @@ def write_ply(
         the label shown in grey
     comments : sequence of str
         lines of the header, in ASCII
+    margin : (n,) float array, optional
+        written as the vertex property ``margin``: how far each label is from another one
 
     Raises
     ------
@@ -483,17 +486,21 @@ def write_ply(
     """
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces)
     is_single = _single_suffices(vertices, faces)
-    vertex_rows = np.empty(
-        len(vertices), [("position", "<f4" if is_single else "<f8", 3), ("colour", "u1", 4), ("label", "<i4")]
-    )
+    columns = [("position", "<f4" if is_single else "<f8", 3), ("colour", "u1", 4), ("label", "<i4", 1)]
+    if margin is not None:
+        columns.append(("margin", "<f4", 1))
+    vertex_rows = np.empty(len(vertices), [(name, kind, (size,) if size > 1 else ()) for name, kind, size in columns])
     vertex_rows["position"], vertex_rows["colour"] = vertices, label_colours(vertex_labels, dissipator)
     vertex_rows["label"] = vertex_labels
+    if margin is not None:
+        vertex_rows["margin"] = margin
     face_rows = np.empty(len(faces), [("n_corners", "u1"), ("corners", "<i4", 3)])
     face_rows["n_corners"], face_rows["corners"] = 3, faces
     header = _WRITTEN_HEADER.format(
         comments="".join(f"comment {comment}\n" for comment in comments),
         real="float" if is_single else "double",
         n_vertices=len(vertices),
+        more="" if margin is None else "property float margin\n",
         n_faces=len(faces),
     ).encode("ascii")
     Path(path).write_bytes(header + vertex_rows.tobytes() + face_rows.tobytes())
