@@ -74,7 +74,7 @@ class Options:
     refine: bool = False
     hierarchy: bool = False
     max_curvature: float = 2.0
-    prominence: float = 1.5
+    prominence: float = 1.3
     min_part: float = 0.01
 
     def __post_init__(self) -> None:
