@@ -5,8 +5,9 @@ narrow. A cut separates the vertices of the mesh into two sets; it costs, for ea
 
     c = length of the edge of the dual mesh / (1 + concavity / limit)
 
-where the concavity is the curvature of the surface along the edge if that is concave, otherwise zero, on a mesh of area
-1. It is estimated from the normals of the vertices, so that a crease costs as little whether the mesh is coarse or fine.
+where the concavity is the curvature of the surface along the edge if that is concave, otherwise zero, on a mesh of
+area 1. It is estimated from the normals of the vertices, on a surface without bumps smaller than `SMOOTHING`, so that a
+crease costs as little whether the mesh is coarse or fine, and noise hardly changes anything.
 
 References
 ----------
@@ -91,9 +92,7 @@ class CutGraph:
         return cls(edges, widths * factors, areas, scaled, proper, factors[number])
 
 
-def minimum_cut(
-    graph: CutGraph, source: NDArray[np.bool_], sink: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def minimum_cut(graph: CutGraph, source: NDArray[np.bool_], sink: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The vertices on the source's side of the cheapest cut between two sets of vertices.
 
     Parameters
@@ -137,9 +136,7 @@ def minimum_cut(
     return reached[node]
 
 
-def level_costs(
-    graph: CutGraph, values: NDArray[np.float64], levels: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def level_costs(graph: CutGraph, values: NDArray[np.float64], levels: NDArray[np.float64]) -> NDArray[np.float64]:
     """What it costs to cut along the level sets of a function that is linear on each face, and not along edges.
 
     Parameters
@@ -212,9 +209,7 @@ def _smooth(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[
     return smoothed(vertices, starts, neighbours, sweeps) if sweeps else vertices
 
 
-def _numbers_of_sides(
-    faces: NDArray[np.int64], edges: NDArray[np.int64], n_vertices: int
-) -> NDArray[np.int64]:
+def _numbers_of_sides(faces: NDArray[np.int64], edges: NDArray[np.int64], n_vertices: int) -> NDArray[np.int64]:
     """The number of the edge from each corner of a face to the next one: (m, 3) int array."""
     ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)]), axis=0)
     keys = edges[:, 0] * n_vertices + edges[:, 1]
@@ -240,16 +235,12 @@ def _outward_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) ->
     centroid = np.column_stack([np.bincount(piece, area * middle[:, i]) for i in range(3)]) / weights[:, None]
     volume = np.bincount(piece, np.einsum("ij,ij->i", middle - centroid[piece], double))
     double *= np.where(volume < 0, -1.0, 1.0)[piece][:, None]
-    normals = np.column_stack(
-        [np.bincount(faces.ravel(), np.repeat(double[:, i], 3), len(vertices)) for i in range(3)]
-    )
+    normals = np.column_stack([np.bincount(faces.ravel(), np.repeat(double[:, i], 3), len(vertices)) for i in range(3)])
     return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)[:, None])
 
 
 @compiled
-def _turns(
-    faces: NDArray[np.int64], partner: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _turns(faces: NDArray[np.int64], partner: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """1 or -1 for each face, so that neighbours agree, and the number of the piece within which they do."""
     turns, piece = np.zeros(len(faces)), np.full(len(faces), -1, np.int64)
     queue = np.empty(len(faces), np.int64)

@@ -230,9 +230,7 @@ def waists(costs: NDArray[np.float64], prominence: float) -> list[Waist]:
     ]
 
 
-def _profile(
-    graph: CutGraph, spectrum: Spectrum, exemplars: NDArray[np.int64], region: int, time: float
-) -> Profile:
+def _profile(graph: CutGraph, spectrum: Spectrum, exemplars: NDArray[np.int64], region: int, time: float) -> Profile:
     """The profile of the cuts around the tip of a region, up to the first tip of another one."""
     g = potential(spectrum, int(exemplars[region]), time * SPOT)
     inside = np.flatnonzero(g > np.delete(g[exemplars], region).max(initial=-np.inf))
@@ -318,7 +316,9 @@ def _parts(graph: CutGraph, cuts: list[_Cut], prominence: float, min_area: float
     margin = np.ones(len(labels))
     for part, cut in enumerate(cuts):
         around = labels[cut.inside]
-        parents[part] = np.bincount(around, graph.areas[cut.inside], len(cuts) + 1).argmax() if len(around) else len(cuts)
+        parents[part] = (
+            np.bincount(around, graph.areas[cut.inside], len(cuts) + 1).argmax() if len(around) else len(cuts)
+        )
         labels[cut.inside] = part
     for part, cut in enumerate(cuts):
         np.minimum(margin, _margin_at(cut, graph.areas, len(labels)), out=margin)
@@ -342,18 +342,14 @@ def _margin_at(cut: _Cut, areas: NDArray[np.float64], n_vertices: int) -> NDArra
     if not len(ends):
         return margin
     at = int(np.searchsorted(np.cumsum(areas[order])[ends - 1], cut.area * (1 - 1e-9)).clip(0, len(ends) - 1))
-    highest = np.concatenate(
-        [np.maximum.accumulate(costs[at::-1])[::-1], np.maximum.accumulate(costs[at:])[1:]]
-    )
+    highest = np.concatenate([np.maximum.accumulate(costs[at::-1])[::-1], np.maximum.accumulate(costs[at:])[1:]])
     of_step = 1 - costs[at] / np.maximum(highest, np.finfo(float).tiny)
     step = np.searchsorted(ends, np.arange(len(order)), side="right").clip(0, len(ends) - 1)
     margin[order] = of_step[step]
     return margin
 
 
-def _without_scraps(
-    graph: CutGraph, labels: NDArray[np.int64], trunk: int, least_area: float
-) -> NDArray[np.int64]:
+def _without_scraps(graph: CutGraph, labels: NDArray[np.int64], trunk: int, least_area: float) -> NDArray[np.int64]:
     """Labels of which those of hardly any area are replaced by that with which they share most of their border."""
     labels = labels.copy()
     for scrap in np.flatnonzero(np.bincount(labels, graph.areas, trunk + 1) < least_area):

@@ -128,7 +128,7 @@ def segment_robust(
     time : float
         duration of the heat flow: with ``options.choose_time`` the middle of the times of which one is chosen
     options : Options
-        which parts are used, by default all, and their parameters
+        which of the following are used, and their parameters
 
     Returns
     -------
@@ -148,6 +148,9 @@ def segment_robust(
     - ``average``: `heatwalk.robust.averaging`. The theorem of the walk holds for the averaged kernel.
     - ``merge``, ``join_small``: `heatwalk.robust.merging`. A connected component that is too small to be a region takes
       the label of the nearest vertex of the others.
+    - ``refine``, ``hierarchy``: `heatwalk.robust.parts`; off by default, because borders at creases and the number of
+      waists are less stable than regions of heat. Then ``exemplars`` has one vertex per part, and the trunk has the
+      label of the dissipator region.
 
     With all of them off, and sums over vertices, labels are those of `heatwalk.segment`. So ``time`` 1 is 1/6 in
     standard units here, too.
@@ -339,7 +342,7 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
 
     excess = relative_entropy_excess(kernel, joined, shared.weights, shared.weights)
     dissipates = excess > 0
-    dissipator_seconds = stopwatch.lap()
+    dissipator_seconds = {"dissipators": stopwatch.lap()}
 
     parts = None
     source = _sources(shared.metric.vertices, joined, spectrum.mass, n_vertices, options)
@@ -348,12 +351,13 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
         parts = find_parts(shared.graph, spectrum, joined, peaks, excess, time, **options.cutting)
         joined, peaks = _around_trunk(parts, joined, spectrum.mass, walk.first_potential)
         dissipates = parts.labels == len(parts.parents)
+        dissipator_seconds["parts"] = stopwatch.lap()
     joined, excess, dissipates = joined[source], excess[source], dissipates[source]
     exemplars, accumulator_labels = _at_vertices(joined, peaks, walk.first_potential[:n_vertices])
     labels = np.where(dissipates, len(exemplars), accumulator_labels)
     if shared.split_dissipators:
         labels[dissipates] += dissipator_pieces(dissipates, shared.faces)
-    parts_seconds = stopwatch.lap()
+    dissipator_seconds["dissipators"] += stopwatch.lap()
 
     return RobustSegmentation(
         labels=labels,
@@ -375,8 +379,7 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
             "time": shared.seconds["time"],
             "walk": walk_seconds,
             "merging": merging_seconds,
-            "dissipators": dissipator_seconds,
-            "parts": parts_seconds,
+            **dissipator_seconds,
         },
         _weights=shared.weights,
         times=times,
