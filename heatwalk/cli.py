@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING
 from heatwalk import __version__
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from heatwalk.io import LoadedMesh
     from heatwalk.robust.segmentation import RobustSegmentation
     from heatwalk.segmentation import Segmentation
@@ -32,6 +35,9 @@ mesh files: OFF, OBJ, PLY, STL, glTF (.glb, .gltf), 3MF, VTK (.vtk, .vtp, .vtu) 
 
 # Rows of the table of segments, the largest first: symmetric shapes can have hundreds.
 _MAX_ROWS = 20
+
+# The margins of the walk are written if they take at most so many multiplications, about ten seconds.
+_MOST_PRODUCTS = 5e10
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -129,8 +135,8 @@ def _parser() -> argparse.ArgumentParser:
         "segment",
         help="write the mesh coloured by segment (PLY) and the label of every face (.seg)",
         description="Segment a mesh. Writes the mesh coloured by segment, with the dissipator region in grey and the\n"
-        "label of each vertex as a property, and next to it a .seg file with one label per face, in the order\n"
-        "of the faces.",
+        "label of each vertex and its margin as properties, and next to it a .seg file with one label per face,\n"
+        "in the order of the faces. The margin, from 0 to 1, is how far a label is from another one.",
         epilog="example:\n  heatwalk segment cow.obj --time 1 --output cow_segments.ply\n"
         "  heatwalk segment scan.ply --robust\n"
         "  heatwalk segment meshes --output segments",
@@ -149,6 +155,12 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="use the robust variant: nearly the same segments on noisy and damaged copies of a mesh, at a time near "
         "--time at which their number is stable",
+    )
+    command.add_argument(
+        "--parts",
+        action="store_true",
+        help="with --robust: borders along concave creases, and limbs cut at their waists, which is nearer to what "
+        "people see, and less stable",
     )
     command.add_argument(
         "--output",
@@ -227,6 +239,8 @@ def _fail(message: object) -> int:
 
 def _segment(arguments: argparse.Namespace) -> int:
     """``heatwalk segment``; returns the exit code."""
+    if arguments.parts and not arguments.robust:
+        arguments.reject("argument --parts: requires --robust")
     from heatwalk.batch import meshes_in
     from heatwalk.meshes import MeshError
 
@@ -293,6 +307,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
     from heatwalk.io.seg import seg_bytes
     from heatwalk.meshes import MeshError
     from heatwalk.numerics.compilation import announced
+    from heatwalk.robust.options import Options
     from heatwalk.robust.segmentation import segment_robust
     from heatwalk.segmentation import segment
     from heatwalk.spectrum import SpectrumError
@@ -310,8 +325,12 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
         )
     try:
         with announced(_announce_compilation):
-            segment_mesh = segment_robust if arguments.robust else segment
-            segmentation = segment_mesh(mesh.vertices, mesh.faces, time=arguments.time)
+            segmentation: Segmentation
+            if arguments.robust:
+                options = Options(refine=arguments.parts, hierarchy=arguments.parts)
+                segmentation = segment_robust(mesh.vertices, mesh.faces, time=arguments.time, options=options)
+            else:
+                segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
     except (MeshError, SpectrumError) as error:
         return f"{path}: {error}"
     except MemoryError:
@@ -324,6 +343,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
             segmentation.labels,
             dissipator=len(segmentation.exemplars),
             comments=[_digest_comment(seg_bytes(segmentation.face_labels))],
+            properties=_vertex_properties(segmentation),
         )
         write_seg(labels_output, segmentation.face_labels)
     except OSError as error:
@@ -332,6 +352,18 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
     _print_segments(segmentation)
     print(f"written: {output}, {labels_output}")
     return None
+
+
+def _vertex_properties(segmentation: "Segmentation") -> "dict[str, NDArray[np.float64]]":
+    """The margin of each label; nothing, and a message, if that would take much longer than the labels."""
+    import numpy as np
+
+    if getattr(segmentation, "parts", None) is None:
+        n_chosen = len(np.unique(segmentation.walk.pointer))
+        if n_chosen * len(segmentation.labels) * segmentation.kernel.factor.shape[1] > _MOST_PRODUCTS:
+            print(f"  note: the margin is not written, as {n_chosen:,} vertices attract others")
+            return {}
+    return {"margin": segmentation.margin}
 
 
 def _announce_compilation() -> None:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,16 @@ class Options:
         join small regions to a neighbour
     min_area : float in [0, 1)
         those of less than this share of the area
+    refine : bool
+        move the borders of limbs to the cheapest cuts, short ones along concave creases
+    hierarchy : bool
+        cut limbs into parts at their waists
+    max_curvature : float, above 0
+        concave curvature at which a cut costs half as much as on a flat surface, on a mesh of area 1
+    prominence : float, above 1
+        how many times as expensive as at a waist a cut has to be on both sides of it
+    min_part : float in [0, 1)
+        least area of a part that a waist cuts off, as a share of the area
 
     Raises
     ------
@@ -60,6 +71,11 @@ class Options:
     persistence: float = 0.9
     join_small: bool = True
     min_area: float = 0.01
+    refine: bool = False
+    hierarchy: bool = False
+    max_curvature: float = 2.0
+    prominence: float = 1.3
+    min_part: float = 0.01
 
     def __post_init__(self) -> None:
         for option in fields(self):
@@ -71,8 +87,12 @@ class Options:
                 raise ValueError(f"{name} is {getattr(self, name)!r}: it must be from 0 to {MAX_OCTAVES}")
         if not 0 < self.persistence <= 1:
             raise ValueError(f"persistence is {self.persistence!r}: it must be above 0 and at most 1")
-        if not 0 <= self.min_area < 1:
-            raise ValueError(f"min_area is {self.min_area!r}: it must be at least 0 and below 1")
+        for name in ("min_area", "min_part"):
+            if not 0 <= getattr(self, name) < 1:
+                raise ValueError(f"{name} is {getattr(self, name)!r}: it must be at least 0 and below 1")
+        for name, least in (("max_curvature", 0), ("prominence", 1)):
+            if not least < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is {getattr(self, name)!r}: it must be above {least} and finite")
 
     def averaged(self, time: float) -> NDArray[np.float64]:
         """The times over which the kernel at one time is averaged, ascending."""
@@ -84,4 +104,14 @@ class Options:
         return {
             "persistence": self.persistence if self.merge else math.inf,
             "min_area": self.min_area if self.join_small else 0.0,
+        }
+
+    @property
+    def cutting(self) -> dict[str, Any]:
+        """The parameters of `heatwalk.robust.parts.find_parts`."""
+        return {
+            "refine": self.refine,
+            "hierarchy": self.hierarchy,
+            "prominence": self.prominence,
+            "min_area": self.min_part,
         }

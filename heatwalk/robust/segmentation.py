@@ -17,8 +17,10 @@ from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
 from heatwalk.meshes import check_mesh, mesh_edges, repeats_earlier_face
 from heatwalk.robust import scale
 from heatwalk.robust.averaging import averaged_kernel
+from heatwalk.robust.cuts import CutGraph
 from heatwalk.robust.merging import Merging, merge_regions, saddles_between
 from heatwalk.robust.options import Options
+from heatwalk.robust.parts import Parts, find_parts
 from heatwalk.robust.repair import Repaired, repaired
 from heatwalk.robust.scale import stable_time
 from heatwalk.segmentation import (
@@ -75,15 +77,23 @@ class RobustSegmentation(Segmentation):
     merging: Merging = field(kw_only=True)
     repaired: Repaired = field(kw_only=True)
     source: NDArray[np.int64] = field(kw_only=True)
+    parts: Parts | None = field(kw_only=True)
     options: Options = field(kw_only=True)
+
+    @property
+    def dissipates(self) -> NDArray[np.bool_]:
+        """Whether each vertex is in the dissipator region, or with ``parts`` in the trunk: (n,) bool array."""
+        return self.labels >= len(self.exemplars)
 
     @cached_property
     def margin(self) -> NDArray[np.float64]:
         """How far the label of each vertex is from another one: (n,) float array in [0, 1], 0 if another ties with it.
 
         The smallest of the margins of all decisions that lead to the label: of the walk and of the dissipator test, see
-        `heatwalk.confidence`, and of those about joining its region.
+        `heatwalk.confidence`, and of those about joining its region; with ``parts``, of the latter and of the cuts.
         """
+        if self.parts is not None:
+            return np.minimum(self.merging.margin[self.walk.labels], self.parts.margin)[self.source]
         joined = self.merging.of_region[self.walk.labels]
         of_walk = np.minimum(walk_margin(self.kernel, self.walk, joined), self.merging.margin[self.walk.labels])
         of_test = dissipator_margin(self.relative_entropy_excess)
@@ -118,7 +128,7 @@ def segment_robust(
     time : float
         duration of the heat flow: with ``options.choose_time`` the middle of the times of which one is chosen
     options : Options
-        which parts are used, by default all, and their parameters
+        which of the following are used, and their parameters
 
     Returns
     -------
@@ -138,6 +148,9 @@ def segment_robust(
     - ``average``: `heatwalk.robust.averaging`. The theorem of the walk holds for the averaged kernel.
     - ``merge``, ``join_small``: `heatwalk.robust.merging`. A connected component that is too small to be a region takes
       the label of the nearest vertex of the others.
+    - ``refine``, ``hierarchy``: `heatwalk.robust.parts`; off by default, because borders at creases and the number of
+      waists are less stable than regions of heat. Then ``exemplars`` has one vertex per part, and the trunk has the
+      label of the dissipator region.
 
     With all of them off, and sums over vertices, labels are those of `heatwalk.segment`. So ``time`` 1 is 1/6 in
     standard units here, too.
@@ -235,6 +248,7 @@ def segment_robust_at_times(
         edges,
         spectrum,
         mass if density == "area" else None,
+        _cut_graph(metric, mass, options),
         split_dissipators,
         options,
         seconds,
@@ -264,9 +278,30 @@ class _Shared(NamedTuple):
     edges: NDArray[np.int64]
     spectrum: Spectrum
     weights: NDArray[np.float64] | None
+    graph: CutGraph | None
     split_dissipators: bool
     options: Options
     seconds: dict[str, float]
+
+
+def _cut_graph(metric: Repaired, mass: NDArray[np.float64], options: Options) -> CutGraph | None:
+    """What cuts cost; None if there are none."""
+    if not (options.refine or options.hierarchy):
+        return None
+    return CutGraph.of(metric.vertices, metric.faces, mass, options.max_curvature)
+
+
+def _around_trunk(
+    parts: Parts, regions: NDArray[np.int64], mass: NDArray[np.float64], potential: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The part of each vertex, in the trunk that in which most of its region is; and the exemplar of each part."""
+    n_parts = len(parts.parents)
+    is_trunk = parts.labels == n_parts
+    share = np.zeros((int(regions.max()) + 1, n_parts))
+    np.add.at(share, (regions[~is_trunk], parts.labels[~is_trunk]), mass[~is_trunk])
+    labels = np.where(is_trunk, share.argmax(axis=1)[regions], parts.labels)
+    order = np.lexsort((np.arange(len(labels)), -potential, is_trunk, labels))
+    return labels, order[np.unique(labels[order], return_index=True)[1]]
 
 
 def _largest_eigenvalues(time: float, options: Options) -> tuple[float, float]:
@@ -306,13 +341,23 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
     merging_seconds = stopwatch.lap()
 
     excess = relative_entropy_excess(kernel, joined, shared.weights, shared.weights)
+    dissipates = excess > 0
+    dissipator_seconds = {"dissipators": stopwatch.lap()}
+
+    parts = None
     source = _sources(shared.metric.vertices, joined, spectrum.mass, n_vertices, options)
-    joined, excess = joined[source], excess[source]
-    exemplars, accumulator_labels = _at_vertices(joined, merging.exemplars, walk.first_potential[:n_vertices])
-    labels = np.where(excess > 0, len(exemplars), accumulator_labels)
+    peaks = merging.exemplars
+    if shared.graph is not None:
+        parts = find_parts(shared.graph, spectrum, joined, peaks, excess, time, **options.cutting)
+        joined, peaks = _around_trunk(parts, joined, spectrum.mass, walk.first_potential)
+        dissipates = parts.labels == len(parts.parents)
+        dissipator_seconds["parts"] = stopwatch.lap()
+    joined, excess, dissipates = joined[source], excess[source], dissipates[source]
+    exemplars, accumulator_labels = _at_vertices(joined, peaks, walk.first_potential[:n_vertices])
+    labels = np.where(dissipates, len(exemplars), accumulator_labels)
     if shared.split_dissipators:
-        labels[excess > 0] += dissipator_pieces(excess > 0, shared.faces)
-    dissipator_seconds = stopwatch.lap()
+        labels[dissipates] += dissipator_pieces(dissipates, shared.faces)
+    dissipator_seconds["dissipators"] += stopwatch.lap()
 
     return RobustSegmentation(
         labels=labels,
@@ -334,7 +379,7 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
             "time": shared.seconds["time"],
             "walk": walk_seconds,
             "merging": merging_seconds,
-            "dissipators": dissipator_seconds,
+            **dissipator_seconds,
         },
         _weights=shared.weights,
         times=times,
@@ -342,6 +387,7 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
         merging=merging,
         repaired=shared.metric,
         source=source,
+        parts=parts,
         options=options,
     )
 

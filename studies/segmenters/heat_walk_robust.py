@@ -42,7 +42,8 @@ class HeatWalkRobust(HeatWalk):
         as of `HeatWalk`
     cut_handles, fill_holes, remove_spikes, fair
         as of `heatwalk.robust.repair.Repair`
-    average, octaves, choose_time, octaves_before, octaves_after, merge, persistence, join_small, min_area
+    average, octaves, choose_time, octaves_before, octaves_after, merge, persistence, join_small, min_area, refine,
+    hierarchy, max_curvature, prominence, min_part
         as of `heatwalk.robust.options.Options`
 
     Examples
@@ -68,6 +69,11 @@ class HeatWalkRobust(HeatWalk):
     persistence: float = Options.persistence
     join_small: bool = True
     min_area: float = Options.min_area
+    refine: bool = Options.refine
+    hierarchy: bool = Options.hierarchy
+    max_curvature: float = Options.max_curvature
+    prominence: float = Options.prominence
+    min_part: float = Options.min_part
 
     algorithm_version: ClassVar[str] = f"{heatwalk.ALGORITHM_VERSION}.{ROBUST_VERSION}"
     about: ClassVar[About] = About(title="Robust Heat Walk", source=f"This project, after {HeatWalk.about.source}")

@@ -12,6 +12,7 @@ import trimesh
 import heatwalk
 from heatwalk.cli import main
 from heatwalk.io import label_colours, read_mesh, read_seg
+from heatwalk.robust.options import Options
 from tests.helpers.mesh_files import OCTAHEDRON, off_bytes
 from tests.helpers.meshes import bundled_path
 
@@ -81,6 +82,38 @@ def test_segment_robust_writes_the_result_of_the_robust_variant(in_empty_folder,
     assert f"{len(expected.exemplars)} accumulator regions" in printed
     assert f"time {expected.time:.3g}, the nearest stable one to 2\n" in printed
     assert not np.array_equal(expected.face_labels, heatwalk.segment(ant.vertices, ant.faces, time=2).face_labels)
+
+
+def test_segment_robust_with_parts_writes_parts(in_empty_folder):
+    assert main(["segment", str(bundled_path("ant")), "--robust", "--parts", "--output", "ant.ply"]) == 0
+    ant = read_mesh(bundled_path("ant"))
+    expected = heatwalk.segment_robust(ant.vertices, ant.faces, options=Options(refine=True, hierarchy=True))
+    assert np.array_equal(read_seg("ant.seg"), expected.face_labels)
+
+
+def test_parts_require_the_robust_variant(in_empty_folder, capsys):
+    with pytest.raises(SystemExit):
+        main(["segment", str(bundled_path("ant")), "--parts"])
+    assert "argument --parts: requires --robust\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "segment"), [([], heatwalk.segment), (["--robust"], heatwalk.segment_robust)], ids=["paper", "robust"]
+)
+def test_segment_writes_labels_and_their_margins_as_properties_of_the_vertices(in_empty_folder, options, segment):
+    assert main(["segment", str(bundled_path("cow")), "--output", "cow.ply", *options]) == 0
+    cow = read_mesh(bundled_path("cow"))
+    expected = segment(cow.vertices, cow.faces)
+    written = trimesh.load("cow.ply", process=False).metadata["_ply_raw"]["vertex"]["data"]
+    assert np.array_equal(written["label"], expected.labels)
+    assert np.array_equal(written["margin"], expected.margin)
+
+
+def test_margins_that_would_take_long_are_left_out_with_a_note(in_empty_folder, capsys, monkeypatch):
+    monkeypatch.setattr("heatwalk.cli._MOST_PRODUCTS", 1)
+    assert main(["segment", str(bundled_path("cow")), "--output", "cow.ply"]) == 0
+    assert "note: the margin is not written, as " in capsys.readouterr().out
+    assert "margin" not in trimesh.load("cow.ply", process=False).metadata["_ply_raw"]["vertex"]["data"].dtype.names
 
 
 def test_segment_robust_tells_what_it_repaired(in_empty_folder, capsys):

@@ -216,6 +216,17 @@ def test_precision_is_double_only_where_single_would_move_a_vertex_by_a_thousand
     assert b"property float x" in (tmp_path / "a.ply").read_bytes()
 
 
+def test_a_named_property_is_written_if_it_is_given(tmp_path):
+    margin = np.array([0.0, 0.25, 0.5, 1.0])
+    write_ply(tmp_path / "a.ply", *TETRAHEDRON, np.arange(4), properties={"margin": margin})
+    write_ply(tmp_path / "b.ply", *TETRAHEDRON, np.arange(4))
+    data = trimesh.load(tmp_path / "a.ply", process=False).metadata["_ply_raw"]["vertex"]["data"]
+    assert np.array_equal(data["margin"], margin)
+    assert np.array_equal(data["label"], np.arange(4))
+    assert np.array_equal(read_mesh(tmp_path / "a.ply").vertices, read_mesh(tmp_path / "b.ply").vertices)
+    assert b"margin" not in (tmp_path / "b.ply").read_bytes()
+
+
 def test_labels_are_a_property_of_the_vertices_of_a_written_ply(tmp_path):
     labels = np.array([7, 0, 300, 7])
     write_ply(tmp_path / "a.ply", *TETRAHEDRON, labels, comments=["seg of a"])
