@@ -83,8 +83,8 @@ def table(results):
         "",
         f"Made by `python -m tests.benchmarks.segmenters`: the synthetic {MODEL} with {vertices:,} vertices and "
         f"{faces:,} faces, in a new process for each method, from arrays to labels, with one thread. The first call "
-        "includes the loading of packages. Memory is that which the first call needed at most, above what the process used "
-        f"before. Load average over the last 15 minutes: {psutil.getloadavg()[2]:.1f} on {os.cpu_count()} "
+        "includes the loading of packages. Memory is that which the first call needed at most, above what the process "
+        f"used before. Load average over the last 15 minutes: {psutil.getloadavg()[2]:.1f} on {os.cpu_count()} "
         "processors; the more there is to do besides, the longer are elapsed seconds.",
         "",
         "| method | CPU seconds | first call, CPU | first call, elapsed | peak memory (MB) | segments |",
