@@ -89,9 +89,7 @@ class CoreExtraction:
   journal = {The Visual Computer},
   volume = {21},
   number = {8-10},
-  pages = {649--658},
   year = {2005},
-  doi = {10.1007/s00371-005-0344-9}
 }""",
     )
 

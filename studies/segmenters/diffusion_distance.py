@@ -18,7 +18,6 @@ _BIBTEX = """\
   journal = {Computer Graphics Forum},
   volume = {27},
   number = {5},
-  pages = {1349--1356},
   year = {2008}
 }"""
 

@@ -22,7 +22,7 @@ _BIBTEX = """\
     eigenfunctions},
   journal = {International Journal of Computer Vision},
   volume = {89},
-  number = {2},
+  number = {2-3},
   pages = {287--308},
   year = {2010}
 }"""

@@ -16,7 +16,6 @@ _BIBTEX = """\
   author = {Skraba, Primoz and Ovsjanikov, Maks and Chazal, Fr{\\'e}d{\\'e}ric and Guibas, Leonidas},
   title = {Persistence-based segmentation of deformable shapes},
   booktitle = {CVPR Workshop on Non-Rigid Shape Analysis and Deformable Image Alignment (NORDIA)},
-  pages = {45--52},
   year = {2010}
 }"""
 

@@ -78,9 +78,7 @@ class KMeans:
   journal = {Computer Graphics Forum},
   volume = {21},
   number = {3},
-  pages = {219--228},
   year = {2002},
-  doi = {10.1111/1467-8659.00581}
 }""",
     )
 

@@ -70,7 +70,6 @@ class NormalizedCuts:
   journal = {ACM Transactions on Graphics},
   volume = {27},
   number = {5},
-  pages = {145:1--145:12},
   year = {2008},
   doi = {10.1145/1409060.1409098}
 }""",

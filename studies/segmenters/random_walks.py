@@ -78,7 +78,6 @@ class RandomWalks:
   author = {Lai, Yu-Kun and Hu, Shi-Min and Martin, Ralph R. and Rosin, Paul L.},
   title = {Fast Mesh Segmentation using Random Walks},
   booktitle = {Proceedings of the ACM Symposium on Solid and Physical Modeling},
-  pages = {183--191},
   year = {2008},
   doi = {10.1145/1364901.1364927}
 }""",
