@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from studies.datasets import Dataset
     from studies.figures.charts import Chart
     from studies.figures.pictures import Picture
+    from studies.figures.variant_scenes import VariantScenes
     from studies.metrics.metric import TriangleMesh
     from studies.segmenters import Segmenter
 
@@ -85,6 +86,8 @@ class Experiment(ABC):
         options of such a study that choose which trials there are, in addition to those of every study
     presenting : tuple of str
         options of such a study that only choose what is made of its rows
+    has_scenes : bool
+        whether its page has a viewer of surfaces: see `scenes`
     """
 
     columns: ClassVar[tuple[Column, ...]] = ()
@@ -93,6 +96,7 @@ class Experiment(ABC):
     gathers: ClassVar[bool] = False
     selecting: ClassVar[tuple[str, ...]] = ()
     presenting: ClassVar[tuple[str, ...]] = ()
+    has_scenes: ClassVar[bool] = False
 
     @abstractmethod
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
@@ -165,6 +169,16 @@ class Experiment(ABC):
             trial_id -> the arrays that ``measure`` returned with the row; None where they were not kept
         """
         return ()
+
+    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> VariantScenes | None:
+        """What the viewer of the study's page shows; None for a page without one.
+
+        Parameters
+        ----------
+        trials, rows, labels
+            as for `pictures`
+        """
+        return None
 
     def unwanted_pictures(self) -> Sequence[str]:
         """File stems of pictures that the options exclude: those of an earlier run are deleted."""
