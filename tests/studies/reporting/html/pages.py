@@ -47,7 +47,12 @@ def scene(model, level, number, stretch):
         )
     ]
     return Scene(
-        {"model": model, "repeat": 1, "level": level}, viewports, f"{model}, {level:g}", 100 * level, np.eye(3), f"id{number}"
+        {"model": model, "repeat": 1, "level": level},
+        viewports,
+        f"{model}, {level:g}",
+        100 * level,
+        np.eye(3),
+        f"id{number}",
     )
 
 
