@@ -65,7 +65,7 @@ def test_every_trial_is_a_point_that_tells_its_value(stored):
     [chart] = [each for each in page.blocks if isinstance(each, ChartBlock)]
     tips = re.findall(r'class="mark[^>]*data-tip="([^"]*)"', chart.drawings[0].svg)
     assert sorted(tips) == sorted(
-        f"{row.model}, level {row.level:g}, repeat {row.repeat + 1}: {row.change_percentage:.2f} %"
+        f"{row.model}, level {row.level:g}, repeat {row.repeat}: {row.change_percentage:.2f} %"
         for row in stored.rows.itertuples()
     )
 
@@ -150,7 +150,7 @@ def test_the_index_has_a_card_that_leads_to_each_page_and_every_claim_once(store
     assert [card.link for card in cards.cards] == ["shot_noise/bundled/report.html"]
     table = next((each for each in page.blocks if isinstance(each, TableBlock)), None)
     expected = stored.claims() if stored.dataset in stored.publication.datasets else []
-    assert [row[0].text for row in table.rows] if table else [] == [claim.text for claim in expected]
+    assert [row[0].text for row in table.rows] if table else [claim.text for claim in expected] == []
 
 
 def test_the_command_writes_a_page_for_each_study_and_an_index(stored, tmp_path):
