@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     from studies.datasets import Dataset
     from studies.figures.charts import Chart
     from studies.figures.pictures import Picture
+    from studies.figures.variant_scenes import VariantScenes
     from studies.metrics.metric import TriangleMesh
     from studies.segmenters import Segmenter
+    from studies.segmenters.segmenter import Labelled
 
     Labels = Callable[[str], Mapping[str, np.ndarray] | None]
 
@@ -85,6 +87,8 @@ class Experiment(ABC):
         options of such a study that choose which trials there are, in addition to those of every study
     presenting : tuple of str
         options of such a study that only choose what is made of its rows
+    has_scenes : bool
+        whether its page has a viewer of surfaces: see `scenes`
     """
 
     columns: ClassVar[tuple[Column, ...]] = ()
@@ -93,6 +97,7 @@ class Experiment(ABC):
     gathers: ClassVar[bool] = False
     selecting: ClassVar[tuple[str, ...]] = ()
     presenting: ClassVar[tuple[str, ...]] = ()
+    has_scenes: ClassVar[bool] = False
 
     @abstractmethod
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
@@ -166,6 +171,16 @@ class Experiment(ABC):
         """
         return ()
 
+    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> VariantScenes | None:
+        """What the viewer of the study's page shows; None for a page without one.
+
+        Parameters
+        ----------
+        trials, rows, labels
+            as for `pictures`
+        """
+        return None
+
     def unwanted_pictures(self) -> Sequence[str]:
         """File stems of pictures that the options exclude: those of an earlier run are deleted."""
         return ()
@@ -183,10 +198,16 @@ def by_segmenter(rows: pd.DataFrame) -> list[str]:
 
 def measured(segmenter: Segmenter, mesh: TriangleMesh) -> tuple[np.ndarray, float, float | None]:
     """The labels of a mesh's vertices, the seconds that segmenting took, and its peak memory in MB."""
+    labelled, seconds, megabytes = measured_result(segmenter, mesh)
+    return labelled.labels, seconds, megabytes
+
+
+def measured_result(segmenter: Segmenter, mesh: TriangleMesh) -> tuple[Labelled, float, float | None]:
+    """As `measured`, with what else the method tells about the labels."""
     start = time.perf_counter()
     with peak_memory() as memory:
-        labels = segmenter(mesh.vertices, mesh.faces)
-    return labels, time.perf_counter() - start, memory.megabytes
+        labelled = segmenter.labelled(mesh.vertices, mesh.faces)
+    return labelled, time.perf_counter() - start, memory.megabytes
 
 
 def told_methods(rows: pd.DataFrame) -> list[str]:

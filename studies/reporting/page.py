@@ -54,7 +54,7 @@ def page(studies: Sequence[Results], root: Path, sweeps: Sequence[Sweep] = ()) -
         the sweeps that some of the studies belong to
     """
     publication = next((study.publication for study in studies if study.publication), None)
-    lines = ["# Results", "", *_introduction(publication, root)]
+    lines = ["# Results", "", *introduction(publication, root)]
     if publication:
         lines += ["", *_claims(studies, publication, root)]
     shown: set[Path] = set()
@@ -63,11 +63,12 @@ def page(studies: Sequence[Results], root: Path, sweeps: Sequence[Sweep] = ()) -
             if study.folder in sweep.folders and sweep.file("") not in shown:
                 shown.add(sweep.file(""))
                 lines += ["", *_sweep_lines(sweep, root)]
-        lines += ["", *_study_lines(study, root, _headings(studies, root)[study.folder], publication)]
+        lines += ["", *_study_lines(study, root, headings_of(studies, root)[study.folder], publication)]
     return "\n".join(lines) + "\n"
 
 
-def _introduction(publication: Publication | None, root: Path) -> list[str]:
+def introduction(publication: Publication | None, root: Path) -> list[str]:
+    """How the page is made and read, as lines of Markdown."""
     text = (
         "Made by `python -m studies.report` from the trials stored in the folders next to this page; no number was "
         "typed by hand. CP is the Change Percentage: twice the share of points that must change their segment, in "
@@ -145,7 +146,7 @@ def _sweep_lines(sweep: Sweep, root: Path) -> list[str]:
     return [*lines, *([f"![{heading}](<{folder}/{picture.name}>)", ""] if picture.exists() else [])]
 
 
-def _headings(studies: Sequence[Results], root: Path) -> dict[Path, str]:
+def headings_of(studies: Sequence[Results], root: Path) -> dict[Path, str]:
     """The heading of each study, with the name of its folder where another study has the same."""
     headings = {study.folder: _heading(study) for study in studies}
     for study in studies:
