@@ -85,6 +85,8 @@ class Experiment(ABC):
         options of such a study that choose which trials there are, in addition to those of every study
     presenting : tuple of str
         options of such a study that only choose what is made of its rows
+    picture : str
+        file stem of the picture that stands for a study where there is room for one
     """
 
     columns: ClassVar[tuple[Column, ...]] = ()
@@ -93,6 +95,7 @@ class Experiment(ABC):
     gathers: ClassVar[bool] = False
     selecting: ClassVar[tuple[str, ...]] = ()
     presenting: ClassVar[tuple[str, ...]] = ()
+    picture: ClassVar[str] = "gallery"
 
     @abstractmethod
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:

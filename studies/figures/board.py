@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from studies.columns import MISSING, is_missing
 from studies.figures.charts import (
+    CHANGE,
     WIDE_RANGE,
     Axis,
     Chart,
@@ -66,7 +67,7 @@ def heat_map(scores: Scores, titles: Mapping[str, str], title: str) -> Chart:
         values=values,
         marked=marked,
         first_apart=len(scores.counting),
-        label="Change Percentage",
+        label=CHANGE,
     )
     failed = "; corner: some trials failed, and count 200" if marked else ""
     missing = "; grey: not run" if any(value is None for row in values for value in row) else ""
@@ -136,7 +137,7 @@ def curves(scores: Scores, parts: Mapping[str, Part], titles: Mapping[str, str],
         panels.append(
             Panel(
                 Axis("strength" if i >= len(scores.parts) - PANELS_PER_ROW else "", ticks=strengths),
-                Axis("CP" if i % PANELS_PER_ROW == 0 else "", from_zero=True),
+                Axis("CP (%)" if i % PANELS_PER_ROW == 0 else "", from_zero=True),
                 title=titles[part],
                 series=tuple(
                     Series(

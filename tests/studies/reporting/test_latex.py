@@ -15,7 +15,7 @@ from studies.reporting.results import Results
 RESULTS = Path(__file__).parents[3] / "results"
 FOLDERS = ("shot_noise/bundled", "table1/psb", "pose/tosca", "time/psb")
 
-SIGNS = '\\&%$#_{}~^<>|"`[]*–—−×≤≥→…“”‘’ [x] *y* a--b 犬 Ω é ł\t\n\n\x00\u200b\ud800'
+SIGNS = '\\&%$#_{}~^<>|"`[]*–—−×≤≥→…“”‘’ [x] *y* a--b 犬 Ω é ł\t\n\n\x00\u200b'
 
 
 def letters_of(text):
