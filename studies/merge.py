@@ -17,6 +17,7 @@ def merge_folders(first: Path, second: Path, into: Path) -> None:
 
     from studies.experiments.experiment import row_columns
     from studies.planning.configuration import instantiate_experiment
+    from studies.reporting.html.study_page import write_study_page
     from studies.reporting.results import Results
     from studies.reporting.text import count_of
     from studies.reporting.write import write_tables
@@ -25,13 +26,13 @@ def merge_folders(first: Path, second: Path, into: Path) -> None:
     merging.check_folders(first, second, into)
     console = Console(markup=False)
     columns = row_columns(instantiate_experiment(merging.read_options(first)))
-    merged = merging.merge(
-        first,
-        second,
-        into,
-        columns,
-        lambda merged: write_tables(Results.of_record(into, merged.options, merged.rows), console),
-    )
+
+    def write(merged: merging.Merged) -> None:
+        results = Results.of_record(into, merged.options, merged.rows)
+        write_tables(results, console)
+        write_study_page(results)
+
+    merged = merging.merge(first, second, into, columns, write)
     console.print(
         f"{count_of(merged.n_first, 'row')} of {first} and {merged.n_second:,} of {second} are {len(merged.rows):,} in "
         f"{into}",

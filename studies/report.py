@@ -1,4 +1,4 @@
-"""``python -m studies.report [RESULTS]``: tables, charts and the page of results, from stored rows alone."""
+"""``python -m studies.report [RESULTS]``: tables, charts and pages of results, from stored rows alone."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     from rich.console import Console
 
+    from studies.reporting.html.index_page import write_index
+    from studies.reporting.html.page import INDEX_FILE
+    from studies.reporting.html.study_page import write_study_page
     from studies.reporting.page import page, sorted_by_section, study_folders
     from studies.reporting.results import Results
     from studies.reporting.sweeps import sweeps_of, write_sweep
@@ -34,6 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             study = Results.load(folder)
             if not study.rows.empty:
                 write_tables(study, console, rows=not table_is_current(folder))
+                write_study_page(study, root=root)
                 page([study], root)
                 found.append(study)
         except Exception as error:  # whatever a file leads to that a study did not write
@@ -46,14 +50,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not found:
         print(f"studies.report: error: no rows of a study that can be read under {root}", file=sys.stderr)
         return MISTAKE
+    in_order = sorted_by_section(found)
     try:
         with atomic_write(root / "README.md") as path:
-            path.write_text(encodable(page(sorted_by_section(found), root, sweeps)), "utf-8")
+            path.write_text(encodable(page(in_order, root, sweeps)), "utf-8")
+        write_index(in_order, root)
     except OSError as error:
         print(f"studies.report: error: {one_line(error)}", file=sys.stderr)
         return MISTAKE
     console.print(
-        f"{count_of(len(found), 'study', 'studies')}; the page is {root / 'README.md'}", highlight=False, soft_wrap=True
+        f"{count_of(len(found), 'study', 'studies')}; the pages are {root / 'README.md'} and {root / INDEX_FILE}",
+        highlight=False,
+        soft_wrap=True,
     )
     return SUCCESS
 

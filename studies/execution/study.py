@@ -358,6 +358,7 @@ def _write_whole(place: storage.Place, store: storage.RowStore) -> None:
     """Write the tables and curves of all that a folder has, of which a part was planned."""
     from rich.console import Console
 
+    from studies.reporting.html.study_page import write_study_page
     from studies.reporting.results import Results
     from studies.reporting.write import write_tables
     from studies.storage.merging import in_order
@@ -366,18 +367,24 @@ def _write_whole(place: storage.Place, store: storage.RowStore) -> None:
     whole = Results.of_record(place.folder, record)
     rows = in_order(whole.rows)
     store.write_plan(dict.fromkeys([*rows["trial_id"], *(storage.planned_ids(place.folder) or ())]))
-    write_tables(dataclasses.replace(whole, rows=rows), Console(quiet=True))
+    whole = dataclasses.replace(whole, rows=rows)
+    write_tables(whole, Console(quiet=True))
+    write_study_page(whole)
 
 
 def _write_results(study: Study, results: Results, trials: Sequence[Trial], ended_early: str, console: Console) -> None:
-    from studies.reporting.write import draw_pictures, write_tables
+    from studies.reporting.html.study_page import write_study_page
+    from studies.reporting.write import draw_pictures, make_scenes, write_tables
 
     write_tables(results, console)
+    scenes = None
     for stem in results.experiment.unwanted_pictures():
         (study.folder / f"{stem}.png").unlink(missing_ok=True)
     if not ended_early:
         labels = storage.LabelStore(study.folder).get
         draw_pictures(results, trials, labels, study.engine, console)
+        scenes = make_scenes(results, trials, labels, study.engine, console)
+    write_study_page(results, scenes, study.results_dir)
     console.print(f"written to {results.folder}", highlight=False, soft_wrap=True)
 
 

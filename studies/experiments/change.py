@@ -48,11 +48,12 @@ if TYPE_CHECKING:
     from studies.experiments.experiment import Labels
     from studies.figures.charts import Chart
     from studies.figures.pictures import Picture
+    from studies.figures.variant_scenes import VariantScenes
 
 MEASURE = "change_percentage"  # the metric that the tables and curves are about
 SECONDS = ("seconds_perturb", "seconds_segment")
 SIZES = ("n_segments", "n_segments_reference")
-OF_STUDY = ("study", "repeats", "gallery")  # options of a study that do not count where it is a part of another
+OF_STUDY = ("study", "repeats", "gallery", "page")  # options of a study that do not count where it is a part of another
 
 PART = Column(name="part", dtype="string", heading="perturbation", help="Part of the study.")
 LEVEL = Column(name="level", format="g", help="Amount of the perturbation.")
@@ -153,13 +154,15 @@ class ChangeTrial(Trial):
         segmenter = self.segmenter.for_original(mesh.vertices, mesh.faces)
         return Reference(mesh, segmenter(mesh.vertices, mesh.faces), segmenter=segmenter)
 
-    def variant(self, reference: Reference, labels: np.ndarray | None = None) -> Variant:
-        """The perturbed mesh with these labels, or segmented if there are none."""
+    def variant(
+        self, reference: Reference, labels: np.ndarray | None = None, made: perturb.Perturbed | None = None
+    ) -> Variant:
+        """The perturbed mesh, if it is not ``made`` already, with these labels, or segmented if there are none."""
         original = reference.mesh
-        segmenter = reference.segmenter or self.segmenter.for_original(original.vertices, original.faces)
-        perturbed, seconds_perturb = self.perturbed(original)
+        perturbed, seconds_perturb = self.perturbed(original) if made is None else (made, 0.0)
         seconds_segment, megabytes = 0.0, None
         if labels is None:
+            segmenter = reference.segmenter or self.segmenter.for_original(original.vertices, original.faces)
             labels, seconds_segment, megabytes = measured(segmenter, perturbed.mesh)
         return Variant(
             reference,
@@ -311,6 +314,25 @@ class Gallery:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Viewer:
+    """Which variants the viewer of the study's page shows.
+
+    Parameters
+    ----------
+    models : int or list of str
+        how many models, or which; 0 for no viewer
+    columns : int
+        most levels of each
+    worst : int
+        how many further variants, those whose segmentation changed most
+    """
+
+    models: int | Sequence[str | int] = 3
+    columns: int = 6
+    worst: int = 3
+
+
+@dataclass(frozen=True, kw_only=True)
 class Change(Experiment):
     """Change Percentage by level, of one perturbation or of several: the parts of the study.
 
@@ -324,6 +346,8 @@ class Change(Experiment):
         trials of each model at each level, each with its own seed
     gallery : mapping, optional
         see `Gallery`
+    page : mapping, optional
+        see `Viewer`
     """
 
     perturbation: Mapping[str, Any] | None = None
@@ -334,6 +358,7 @@ class Change(Experiment):
     parts: Mapping[str, Mapping[str, Any]] | None = None
     repeats: int = 3
     gallery: Mapping[str, Any] | Gallery | None = field(default_factory=Gallery)
+    page: Mapping[str, Any] | Viewer | None = field(default_factory=Viewer)
 
     def __post_init__(self) -> None:
         if not self.parts:
@@ -344,6 +369,7 @@ class Change(Experiment):
             if getattr(self, option) != default:
                 raise StudyError(f"{option} is an option of each part of this study: parts.NAME.{option}=…")
 
+    has_scenes: ClassVar[bool] = True
     columns: ClassVar[tuple[Column, ...]] = (*metrics.columns(), *accuracy.COLUMNS)
     notes: ClassVar[str] = (
         "Change Percentage (CP): twice the share of points that must change their segment, in percent, under the best"
@@ -435,6 +461,17 @@ class Change(Experiment):
             axes = {name: part.axis for name, part in self.named_parts(study).items()}
             yield GalleryPicture(chosen, rows, axes, gallery.style, title, labels)
 
+    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> VariantScenes | None:
+        """Originals and variants, those that changed most among them."""
+        from studies.figures.gallery import choose_trials
+        from studies.figures.variant_scenes import VariantScenes, choose_draws
+
+        viewer = checked_viewer(self.page)
+        good = set(rows.loc[rows["status"] == "ok", "trial_id"])
+        chosen = choose_trials(trials, good, viewer.models, viewer.columns)
+        draws = choose_draws(trials, rows, chosen, viewer.worst if chosen else 0, labels)
+        return VariantScenes(draws) if draws else None
+
     def unwanted_pictures(self) -> Sequence[str]:
         """The gallery, if it is to show no model."""
         return ["gallery"] if checked_gallery(self.gallery).models == 0 else []
@@ -471,6 +508,26 @@ def checked_gallery(options: Mapping[str, Any] | Gallery | None) -> Gallery:
     if gallery.style not in STYLES:
         raise StudyError(f"gallery.style is {gallery.style!r}: choose one of {', '.join(STYLES)}")
     return gallery
+
+
+def checked_viewer(options: Mapping[str, Any] | Viewer | None) -> Viewer:
+    """A viewer from its options.
+
+    Raises
+    ------
+    StudyError
+        if one of them is unknown, or has a wrong value
+    """
+    if isinstance(options, Viewer):
+        viewer = options
+    else:
+        viewer = construct("page", {"_target_": f"{__name__}.Viewer"} | dict(options or {"models": 0}), StudyError)
+    if isinstance(viewer.models, int) and viewer.models < 0:
+        raise StudyError(f"page.models is {viewer.models}: it must be a whole number, or a list of names")
+    require_whole_number("page.columns", viewer.columns)
+    if isinstance(viewer.worst, bool) or viewer.worst < 0:
+        raise StudyError(f"page.worst is {viewer.worst}: it must be a whole number")
+    return viewer
 
 
 def _part(name: str, options: Mapping[str, Any]) -> Part:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from studies.datasets import Dataset
     from studies.figures.charts import Chart
     from studies.figures.pictures import Picture
+    from studies.figures.variant_scenes import VariantScenes
     from studies.metrics.metric import TriangleMesh
     from studies.segmenters import Segmenter
 
@@ -87,6 +88,8 @@ class Experiment(ABC):
         options of such a study that only choose what is made of its rows
     picture : str
         file stem of the picture that stands for a study where there is room for one
+    has_scenes : bool
+        whether its page has a viewer of surfaces: see `scenes`
     """
 
     columns: ClassVar[tuple[Column, ...]] = ()
@@ -96,6 +99,7 @@ class Experiment(ABC):
     selecting: ClassVar[tuple[str, ...]] = ()
     presenting: ClassVar[tuple[str, ...]] = ()
     picture: ClassVar[str] = "gallery"
+    has_scenes: ClassVar[bool] = False
 
     @abstractmethod
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
@@ -168,6 +172,16 @@ class Experiment(ABC):
             trial_id -> the arrays that ``measure`` returned with the row; None where they were not kept
         """
         return ()
+
+    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> VariantScenes | None:
+        """What the viewer of the study's page shows; None for a page without one.
+
+        Parameters
+        ----------
+        trials, rows, labels
+            as for `pictures`
+        """
+        return None
 
     def unwanted_pictures(self) -> Sequence[str]:
         """File stems of pictures that the options exclude: those of an earlier run are deleted."""

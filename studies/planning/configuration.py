@@ -41,9 +41,9 @@ ALL = "all"  # of the methods in conf/segmenter
 ON_ERROR = ("continue", "stop")
 
 # Options that are groups of options.
-GROUPS = ("study", "experiment", "dataset", "segmenter", "engine", "trial", "gallery")
+GROUPS = ("study", "experiment", "dataset", "segmenter", "engine", "trial", "gallery", "page")
 
-_OTHER_GROUPS = tuple(group for group in GROUPS if group != "gallery")  # whose options are not the experiment's
+_OTHER_GROUPS = tuple(group for group in GROUPS if group not in ("gallery", "page"))  # which are not the experiment's
 
 _OF_METHODS = ("segmenters", "reference_segmenter")
 
@@ -177,6 +177,10 @@ def _configure(cfg: DictConfig, overrides: Sequence[str], swept: Mapping[str, st
         from studies.experiments.change import checked_gallery
 
         checked_gallery(_options(cfg, "gallery"))
+    if any(_key(option).startswith("page.") for option in overrides):
+        from studies.experiments.change import checked_viewer
+
+        checked_viewer(_options(cfg, "page"))
     name = check_name("study.name", cfg.study.name)
     cfg = pass_to_experiment(cfg, overrides, (*_OTHER_GROUPS, *GENERAL_OPTIONS, *_OF_METHODS, *_FOR_DATASET))
     engine = _engine(_options(cfg, "engine"))
@@ -325,7 +329,9 @@ def _named_models(cfg: DictConfig, overrides: Sequence[str]) -> dict[str, list[s
     """The models that were typed for pictures. Those that a shipped study names need not be in the dataset."""
     named = {}
     for option in map(_key, overrides):
-        if option == "gallery.models" or (option.startswith(("plates.", "figure15.")) and option.endswith(".models")):
+        if option in ("gallery.models", "page.models") or (
+            option.startswith(("plates.", "figure15.")) and option.endswith(".models")
+        ):
             models = OmegaConf.select(cfg, option)
             if isinstance(models, ListConfig):
                 named[option] = [str(model) for model in models]

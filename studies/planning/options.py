@@ -18,14 +18,19 @@ from studies.planning.command_line import hint_for
 from studies.planning.errors import StudyError
 from studies.planning.targets import REQUIRED, locate
 
-# What a study without repeats, or without a gallery, does anyway.
-WITHOUT_EFFECT = {"repeats": 1, "gallery.models": 0}
+# What a study without repeats, a gallery, or a viewer, does anyway.
+WITHOUT_EFFECT = {"repeats": 1, "gallery.models": 0, "page.models": 0}
 
 # Options of conf/config.yaml that are there for the experiment, whether it uses them or not.
-FOR_EXPERIMENT = ("repeats", "swept", "gallery")
+FOR_EXPERIMENT = ("repeats", "swept", "gallery", "page")
 
 # Options of groups that no class checks.
-OPTIONS_OF_GROUP = {"study": ("name",), "trial": ("timeout", "memory"), "gallery": ("models", "columns", "style")}
+OPTIONS_OF_GROUP = {
+    "study": ("name",),
+    "trial": ("timeout", "memory"),
+    "gallery": ("models", "columns", "style"),
+    "page": ("models", "columns", "worst"),
+}
 
 _REFERENCE = re.compile(r"\$\{(?:oc\.select:)?([A-Za-z_][\w.]*)")
 

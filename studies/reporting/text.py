@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
@@ -24,6 +25,18 @@ def count_of(number: int, noun: str, plural: str = "") -> str:
     ('1 trial', '1,200 trials', '2 studies')
     """
     return f"{number:,} {noun if number == 1 else plural or f'{noun}s'}"
+
+
+def plain_text(markdown: str) -> str:
+    """Markdown of a single paragraph without its emphasis, and with the text of links alone.
+
+    Examples
+    --------
+    >>> plain_text("*Same*: [the paper](paper.pdf)'s value; `levels`")
+    "Same: the paper's value; levels"
+    """
+    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", markdown)
+    return re.sub(r"[*`]", "", text)
 
 
 def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

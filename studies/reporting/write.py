@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from studies.execution import Engine
     from studies.experiments.experiment import Labels
     from studies.planning.trial import Trial
+    from studies.reporting.html.packing import PackedScenes
     from studies.reporting.origin import MadeFrom
     from studies.storage import Place
 
@@ -146,6 +147,29 @@ def draw_pictures(results: Results, trials: Sequence[Trial], labels: Labels, eng
                     console.print(f"{path.name} was not drawn: {error}", markup=False, soft_wrap=True)
                     continue
             drawing.save(figure, path, picture.content)
+
+
+def make_scenes(
+    results: Results, trials: Sequence[Trial], labels: Labels, engine: Engine, console: Console
+) -> PackedScenes | None:
+    """The scenes of the page's viewer, which workers make; those of the page that is there if they show the same."""
+    from studies.reporting.html.packing import pack
+    from studies.reporting.html.page import REPORT_FILE, stored_scenes
+
+    with _after_tables("scenes", results):
+        made_from = results.experiment.scenes(trials, results.rows, labels)
+        if made_from is None:
+            return None
+        stored = stored_scenes(results.folder / REPORT_FILE)
+        if stored is not None and stored.content == made_from.content:
+            return stored
+        with console.status(f"making {REPORT_FILE}"):
+            try:
+                scenes = map_ordered(engine, made_from.function, made_from.tasks())
+            except TaskFailedError as error:
+                console.print(f"{REPORT_FILE} has no viewer: {error}", markup=False, soft_wrap=True)
+                return None
+        return pack([scene for of_model in scenes for scene in of_model], content=made_from.content)
 
 
 @contextmanager

@@ -13,8 +13,8 @@ from studies.planning.targets import locate
 # Options about where and how trials run, and how results are shown; and `categories`, to which `dataset.categories`
 # refers, so that a study may choose them for the datasets that have some.
 INCIDENTAL = (
-    "engine", "results_dir", "trial", "gallery", "on_error", "retry_failed", "fresh", "dry_run", "hydra", "title",
-    "axis", "publication", "plates", "figure15", "counted", "criterion", "study", "categories",
+    "engine", "results_dir", "trial", "gallery", "page", "on_error", "retry_failed", "fresh", "dry_run", "hydra",
+    "title", "axis", "publication", "plates", "figure15", "counted", "criterion", "study", "categories",
 )  # fmt: skip
 # Options that choose which trials there are. Rows for different values of them belong together.
 SELECTING = ("levels", "repeats", "times", "models_drawn", "seed")
@@ -22,7 +22,7 @@ SELECTING_IN_DATASET = ("root", "glob", "models", "categories")
 
 # Options of an experiment, in the shipped studies references to options of the study, that are not its identity.
 _SELECTING_IN_EXPERIMENT = (
-    *SELECTING, "gallery", "title", "axis", "plates", "plate", "columns_shown", "counted", "criterion",
+    *SELECTING, "gallery", "page", "title", "axis", "plates", "plate", "columns_shown", "counted", "criterion",
 )  # fmt: skip
 
 # Options of a study whose folder gathers rows of several methods, as its experiment declares them.
