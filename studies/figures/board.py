@@ -42,15 +42,18 @@ def charts(scores: Scores, parts: Mapping[str, Part], title: str) -> dict[str, C
     title : str
         of all charts
     """
-    titles = {
-        name: parts[name].title if name in parts else name.replace("_", " ").capitalize() for name in scores.parts
-    }
+    titles = titles_of(scores, parts)
     found = {"curves": curves(scores, parts, titles, title), "heat_map": heat_map(scores, titles, title)}
     if not scores.board["mce"].isna().all():
         found["ranks"] = ranks(scores, title)
         if not scores.board["rand_original"].isna().all():
             found["scatter"] = scatter(scores, title)
     return found
+
+
+def titles_of(scores: Scores, parts: Mapping[str, Part]) -> dict[str, str]:
+    """The titles of the perturbations that were run, by their names."""
+    return {name: parts[name].title if name in parts else name.replace("_", " ").capitalize() for name in scores.parts}
 
 
 def heat_map(scores: Scores, titles: Mapping[str, str], title: str) -> Chart:

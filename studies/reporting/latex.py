@@ -26,8 +26,7 @@ _LAST_LATIN = "\u017f"  # up to which LaTeX knows all letters
 def latex(table: Table, title: str) -> str:
     r"""A table for LaTeX: words to the left, numbers to the right, notes below.
 
-    It has the columns that are shown where room is scarce, with their intervals. One that is wider than a line all the
-    same is made as narrow as one.
+    Numbers that need room are left out. A table that is wider than a line all the same is made as narrow as one.
 
     Parameters
     ----------
@@ -59,9 +58,9 @@ def latex(table: Table, title: str) -> str:
     \end{tabular}
     \end{table}
     """
-    columns = table.visible(compact=True)
-    cells = [[column.text(row) for column in columns] for row in table.records()]
-    lines = [[column.title for column in columns], *cells]
+    shown = table.shortened()
+    columns = shown.visible()
+    lines = [[column.title for column in columns], *shown.cells()]
     is_wide = sum(max(map(len, each)) + 2 for each in zip(*lines, strict=True)) > LINE_LENGTH
     rows = _aligned([[escaped(cell) for cell in cells] for cells in lines])
     return "\n".join(

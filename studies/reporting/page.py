@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from studies import storage
-from studies.columns import MISSING, Table
+from studies.columns import MISSING
 from studies.planning.titles import full_title
 from studies.reporting.publication import Publication
 from studies.reporting.results import CONFIG_FILE, Results
@@ -140,16 +140,11 @@ def _study_lines(
         f"{_summary(study, root, told)} {_link(study, folder)}",
         "",
         *([findings, ""] if findings else []),
-        *markdown_of(_shortened(study.main_table)),
+        *markdown_of(study.main_table.shortened()),
         "",
         *([f"![{heading}: {picture.stem.replace('_', ' ')}](<{folder}/{picture.name}>)", ""] if picture else []),
         "  \n".join(f"`{command}`" for command in (*study.earlier_commands, study.command) if command),
     ]
-
-
-def _shortened(table: Table) -> Table:
-    """A table without the numbers that need room; the page of the study has them."""
-    return table.replace(columns=[column for column in table.columns if column.compact or column.dtype == "string"])
 
 
 def _link(study: Results, folder: str) -> str:

@@ -45,7 +45,7 @@ def write_tables(results: Results, console: Console, *, rows: bool = True) -> No
     for name, table in tables.items():
         with atomic_write(folder / f"{name}.csv") as path:
             table.frame.to_csv(path, index=False, float_format="%.6g")
-        if table.visible(compact=True):
+        if table.shortened().visible():
             title = results.title if table is results.main_table else f"{results.title}: {table.title.lower()}"
             with atomic_write(folder / f"{name}.tex") as path:
                 path.write_text(encodable(latex(table, title)), "utf-8")

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from studies.columns import Column, Table, is_missing
+from studies.reporting.html.board_page import board_blocks, board_table, methods_block
 from studies.reporting.html.packing import PackedScenes
 from studies.reporting.html.page import (
     INDEX_FILE,
@@ -60,15 +61,19 @@ def study_page(
     others : sequence of Block
         what a kind of study adds, after its tables
     """
+    from studies.experiments.leaderboard import Leaderboard
+
     rows = results.rows
     numbers = scenes.numbers if scenes else {}
+    is_board = isinstance(results.experiment, Leaderboard)
     blocks = [
         _facts(results),
         *_findings(results),
         *_claims(results),
-        TableBlock.of(results.main_table, "Results"),
-        *_charts(results, numbers),
+        board_table(results) if is_board else TableBlock.of(results.main_table, "Results"),
+        *(board_blocks(results, numbers) if is_board else _charts(results, numbers)),
         *_viewer(results, scenes),
+        *([methods_block(results)] if is_board else []),
         *_worst(rows, numbers),
         *_failures(rows),
         *_by_model(rows),

@@ -24,7 +24,6 @@ from studies.figures.charts import (
     Matrix,
     Number,
     Panel,
-    Points,
     Scatter,
     Series,
     logarithmic_ticks,
@@ -39,6 +38,7 @@ ROW = 19  # height of a row of dots or cells
 LONGEST_NAME = 28  # characters
 JITTER = 0.012  # of the width, by which points at the same place are moved apart
 GOLDEN = 0.6180339887498949
+CLOSEST_TICKS = 0.09  # share of an axis by square roots
 CAP = 3  # half the length of the bar at the end of an interval
 DARK = 0.55  # share of the range of colours below which a number in a cell is white
 
@@ -164,6 +164,27 @@ class _Scale:
         step = next((digit * unit for digit in (1, 2, 5) if digit * unit >= rough), 10 * unit)
         first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
         return [float(f"{k * step:.12g}") for k in range(first, last + 1)]
+
+
+class _RootScale(_Scale):
+    """By square roots: values near 0 are told apart although a few are large."""
+
+    def _to(self, value: float) -> float:
+        return math.sqrt(max(value, 0.0))
+
+    def _from(self, value: float) -> float:
+        return max(value, 0.0) ** 2
+
+    def _own_ticks(self) -> list[float]:
+        span = self._to(self.high) - self._to(self.low)
+        kept: list[float] = []
+        for power in range(3, -4, -1):
+            for digit in (5, 2, 1):
+                tick = float(f"{digit}e{power}")
+                apart = not kept or self._to(kept[-1]) - self._to(tick) >= CLOSEST_TICKS * span
+                if self.low <= tick <= self.high and apart:
+                    kept.append(tick)
+        return ([0.0] if self.low == 0 else []) + kept[::-1]
 
 
 def _panel(panel: Panel, marks: Sequence[Mark]) -> Drawing:
@@ -346,7 +367,7 @@ def _cells(
     left = 12 + max((len(name) for name in names), default=0) * CHARACTER
     across = max(30.0, (WIDTH - left - RIGHT) / max(len(columns), 1)) if len(columns) < 14 else 34.0
     head = 16 + CHARACTER * max((len(_shortened(name)) for name in columns), default=0) * 0.86
-    width = max(left + across * len(columns) + RIGHT, 200)
+    width = max(left + across * len(columns) + max(RIGHT, head / 2), 200)  # the last heading leans to the right
     colours = colormaps[FIELD_COLOURS]
     corners = set(marked)
     parts = []
@@ -384,9 +405,9 @@ def _cells(
 
 
 def _scatter(scatter: Scatter) -> Drawing:
-    """Named points and the line through the best of them."""
-    x = _Scale([value for each in scatter.points for value in each.x], scatter.x, LEFT, WIDTH - RIGHT)
-    y = _Scale([value for each in scatter.points for value in each.y], scatter.y, HEIGHT - BOTTOM, TOP)
+    """Named points and the line through the best of them; names that would cover others are shown on hover alone."""
+    x = _RootScale([value for each in scatter.points for value in each.x], scatter.x, LEFT, WIDTH - RIGHT)
+    y = _RootScale([value for each in scatter.points for value in each.y], scatter.y, HEIGHT - BOTTOM, TOP)
     labels = [(x(tick), f"{tick:g}") for tick in x.ticks]
     parts = list(_frame(Panel(scatter.x, scatter.y), x, y, labels))
     if scatter.front:
@@ -395,20 +416,42 @@ def _scatter(scatter: Scatter) -> Drawing:
         )
     legend = []
     for i, points in enumerate(scatter.points):
-        legend.append(Entry(_style(f"point {points.role}", i), points.label))
-        parts += _named_points(points, i, x, y)
+        style = _style(f"point {points.role}", i)
+        legend.append(Entry(style, points.label))
+        for name, across, up in zip(points.names, points.x, points.y, strict=True):
+            tip = _tip(f"{name}: {across:.4g}, {up:.4g}")
+            parts.append(f'<circle class="{style}" cx="{_n(x(across))}" cy="{_n(y(up))}" r="4.5"{tip}/>')
+    parts += _names(scatter, x, y)
     return Drawing("", _svg(parts, f"{scatter.y.label} by {scatter.x.label}"), tuple(legend))
 
 
-def _named_points(points: Points, group: int, x: _Scale, y: _Scale) -> Iterator[str]:
-    for name, across, up in zip(points.names, points.x, points.y, strict=True):
-        at, height = x(across), y(up)
-        style = _style(f"point {points.role}", group)
-        left = at > WIDTH * 0.72
-        place = f'x="{_n(at - 7 if left else at + 7)}" y="{_n(height + 4)}" text-anchor="{"end" if left else "start"}"'
-        tip = _tip(f"{name}: {across:.4g}, {up:.4g}")
-        yield f'<circle class="{style}" cx="{_n(at)}" cy="{_n(height)}" r="4.5"{tip}/>'
-        yield f'<text class="name" {place}>{escape(_shortened(name))}</text>'
+def _names(scatter: Scatter, x: _Scale, y: _Scale) -> Iterator[str]:
+    """The names of points, each beside, above or below its own and apart from all else."""
+    named = [
+        (name, x(across), y(up))
+        for points in scatter.points
+        for name, across, up in zip(points.names, points.x, points.y, strict=True)
+    ]
+    taken = [(at - 5, height - 5, at + 5, height + 5) for _, at, height in named]
+    for name, at, height in named:
+        shown = _shortened(name)
+        length = len(shown) * CHARACTER
+        for left, baseline in (
+            (at + 8, height + 4), (at - 8 - length, height + 4), (at - length / 2, height - 8),
+            (at - length / 2, height + 17), (at + 6, height - 6), (at + 6, height + 15),
+            (at - 6 - length, height - 6), (at - 6 - length, height + 15),
+        ):  # fmt: skip
+            box = (left, baseline - 10, left + length, baseline + 2)
+            inside = box[0] > LEFT and box[2] < WIDTH - RIGHT and box[1] > TOP - 8 and box[3] < HEIGHT - BOTTOM
+            if inside and not any(_overlap(box, other) for other in taken):
+                taken.append(box)
+                yield f'<text class="name" x="{_n(left)}" y="{_n(baseline)}">{escape(shown)}</text>'
+                break
+
+
+def _overlap(a: Sequence[float], b: Sequence[float]) -> bool:
+    """Whether two boxes (left, top, right, bottom) have a point in common."""
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def _legend(panel: Panel) -> tuple[Entry, ...]:

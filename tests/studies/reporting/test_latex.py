@@ -74,7 +74,7 @@ def test_a_table_says_what_its_csv_file_says_to_the_digits_that_are_shown(stored
     frame = pd.read_csv(stored.folder / "table.csv")
     table = stored.main_table
     alignment, (headings, *rows) = read(latex(table, stored.title))
-    columns = table.visible(compact=True)
+    columns = table.shortened().visible()
     assert headings == [column.title for column in columns]
     assert alignment == "".join("l" if column.dtype == "string" else "r" for column in columns)
     checked = 0
