@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 ALL_SHAPES = "all"
 
+OTHER = Column(name="other", dtype="string", help="Name of the second pose.")
+
 
 @dataclass(frozen=True)
 class Pose:
@@ -161,10 +163,7 @@ class Poses(Experiment):
                 raise StudyError(f"plates.{stem}.upright is {upright!r}: it must be 1 (y) or 2 (z)")
         require_whole_number("gallery.columns", self.columns_shown)
 
-    columns: ClassVar[tuple[Column, ...]] = (
-        *metrics.columns(),
-        Column(name="other", dtype="string", help="Name of the second pose."),
-    )
+    columns: ClassVar[tuple[Column, ...]] = (*metrics.columns(), OTHER)
     notes: ClassVar[str] = (
         "Every pose is segmented independently; Change Percentage (CP, twice the share of points that must change "
         "their segment, in percent) between all pairs of poses of a shape, at the points that correspond according to "

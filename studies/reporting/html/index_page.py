@@ -25,6 +25,7 @@ from studies.reporting.sweeps import Sweep
 from studies.reporting.text import count_of, plain_text
 
 if TYPE_CHECKING:
+    from studies.reporting.claims import Claim
     from studies.reporting.results import Results
 
 THUMBNAIL = 480  # pixels across
@@ -83,7 +84,8 @@ def _thumbnail(study: Results) -> str:
 
 def _claims(studies: Sequence[Results], root: Path) -> list[TableBlock]:
     """Every claim of a publication next to the computed value, once."""
-    claims, links = [], []
+    claims: list[Claim] = []
+    links: list[str] = []
     for study in studies:
         if study.publication is None or study.dataset not in study.publication.datasets:
             continue

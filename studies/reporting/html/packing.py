@@ -178,6 +178,7 @@ def _packed_surface(surface: Surface, blocks: _Blocks) -> dict[str, Any]:
     return {
         "low": low.tolist(),
         "size": size.tolist(),
+        "radius": float(np.linalg.norm(vertices - (low + size / 2), axis=1).max()) or 1.0,
         "positions": blocks.add(quantised),
         "faces": blocks.add(surface.faces.astype(np.uint32 if wide else np.uint16)),
         "wide": wide,

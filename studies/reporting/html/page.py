@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from studies.columns import Table, is_missing
 from studies.reporting.html.packing import PackedScenes, palette, read_packed
-from studies.reporting.html.svg import Drawing
+from studies.reporting.html.svg import Drawing, Entry
 from studies.storage import atomic_write, encodable
 
 if TYPE_CHECKING:
@@ -142,6 +142,12 @@ class ChartBlock(Block):
     drawings: Sequence[Drawing] = ()
     notes: str = ""
     kind: ClassVar[str] = "chart"
+
+    @property
+    def common_legend(self) -> tuple[Entry, ...]:
+        """The legend of all panels, if they have the same."""
+        legends = {drawing.legend for drawing in self.drawings}
+        return legends.pop() if len(legends) == 1 and len(self.drawings) > 1 else ()
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from studies.columns import Column, Table, is_missing
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 VALUE = "change_percentage"
 WORST_SHOWN = 30
+MOST_NAMED = 8  # methods
 FAILURES_SHOWN = 200
 MOST_MARKS = 2500  # trials of a chart that are a point each; of more, each model has one per level
 NO_SCENES = (
@@ -120,7 +122,7 @@ def _facts(results: Results) -> Facts:
         "dataset": results.dataset,
         "models": results.subset or f"{len(results.models):,}",
         "categories": ", ".join(categories) if 1 < len(categories) <= 20 else "",
-        "methods": ", ".join(results.methods),
+        "methods": ", ".join(results.methods) if len(results.methods) <= MOST_NAMED else f"{len(results.methods)}",
         "trials": trials,
         "failed": f"{results.failures:,}",
         "time": _duration(seconds) if seconds else "",
@@ -173,14 +175,20 @@ def _charts(results: Results, numbers: Mapping[str, int]) -> list[ChartBlock]:
     blocks = []
     for stem, chart in charts.items():
         marks = _marks(results, numbers) if stem == results.name else {}
-        heading = "By level" if stem == results.name else stem.replace("_", " ").capitalize()
+        heading = "By level" if marks else "Chart" if stem == results.name else stem.replace("_", " ").capitalize()
         notes = chart.subtitle
         if marks:
-            notes = f"{notes}; points: single trials" if notes else "points: single trials"
+            points = "points: single trials" if _are_single(results.rows) else "points: means of each model"
+            notes = f"{notes}; {points}" if notes else points
             if numbers:
-                notes += "; those with an edge can be clicked, and are shown in the viewer"
+                notes += "; those with an edge are single trials that the viewer shows when they are clicked"
         blocks.append(ChartBlock(heading, drawings(chart, marks), notes))
     return blocks
+
+
+def _are_single(rows: pd.DataFrame) -> bool:
+    """Whether charts show every trial as a point."""
+    return int((rows["status"] == "ok").sum()) <= MOST_MARKS
 
 
 def _marks(results: Results, numbers: Mapping[str, int]) -> dict[int, list[Mark]]:
@@ -194,7 +202,7 @@ def _marks(results: Results, numbers: Mapping[str, int]) -> dict[int, list[Mark]
     methods = list(dict.fromkeys(rows["segmenter"].astype(str)))
     parts = list(dict.fromkeys(rows["part"].astype(str)))
     keys = ["part", "segmenter", "model", "level"]
-    single = len(good) <= MOST_MARKS
+    single = _are_single(rows)
     frame = good if single else good.groupby(keys, sort=False)[VALUE].mean().reset_index()
     marks: dict[int, list[Mark]] = {}
     for row in frame.to_dict("records"):
@@ -269,13 +277,17 @@ def _failures(rows: pd.DataFrame) -> list[TableBlock]:
 def _columns(rows: pd.DataFrame, *further: str) -> list[Column]:
     """The columns that tell trials apart, and further ones."""
     from studies import metrics
+    from studies.experiments.poses import OTHER
     from studies.planning.trial import COLUMNS
 
-    declared = {column.name: column for column in (*COLUMNS, *metrics.columns())}
-    names = ["model"]
+    declared = {
+        column.name: replace(column, format="d") if column.dtype == "Int64" else column
+        for column in (*COLUMNS, *metrics.columns(), OTHER)
+    }
+    names = ["model", *(["other"] if "other" in rows else [])]
     names += ["category"] if rows["category"].fillna("").nunique() > 1 else []
     names += ["segmenter"] if rows["segmenter"].nunique() > 1 else []
-    names += ["part"] if rows["part"].nunique() > 1 else []
+    names += ["part"] if rows["part"].nunique() > 1 and not rows["part"].equals(rows["category"]) else []
     names += ["level"] if rows["level"].nunique() > 1 else []
     names += ["repeat"] if rows["repeat"].nunique() > 1 else []
     return [declared[name] for name in (*names, *further) if name in declared]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
@@ -30,10 +30,13 @@ from studies.figures.charts import (
 )
 from studies.figures.style import FIELD_COLOURS
 
-GROUPS = 6  # colours of methods, after which they repeat
+GROUPS = 6  # colours of methods, after which they repeat with other lines
+LINES = 4
+FAR = 3.0  # how many times larger than what is drawn as a line single trials are where the axis is compressed
+ROOT_TICKS = (0, 1, 5, 10, 25, 50, 100, 150, 200)
 WIDTH, HEIGHT = 520, 320  # of a panel, in its own units
 LEFT, RIGHT, TOP, BOTTOM = 58, 14, 12, 46
-CHARACTER = 6.4  # mean width of a character
+CHARACTER = 7.4  # mean width of a character
 ROW = 19  # height of a row of dots or cells
 LONGEST_NAME = 28  # characters
 JITTER = 0.012  # of the width, by which points at the same place are moved apart
@@ -132,7 +135,10 @@ def _drawing(panel: Panel | HeatMap | Matrix | Scatter, marks: Sequence[Mark]) -
 class _Scale:
     """From the values of an axis to places in a drawing."""
 
-    def __init__(self, values: Iterable[Number], axis: Axis, start: float, end: float) -> None:
+    def __init__(
+        self, values: Iterable[Number], axis: Axis, start: float, end: float, *, is_root: bool = False
+    ) -> None:
+        self.is_root = is_root
         finite = [value for value in (*values, *axis.ticks) if value is not None and math.isfinite(value)]
         self.logarithmic = axis.logarithmic and bool(finite) and min(finite) > 0
         low, high = (min(finite), max(finite)) if finite else (0.0, 1.0)
@@ -151,6 +157,8 @@ class _Scale:
         return self.start + (self._to(value) - low) / (high - low) * (self.end - self.start)
 
     def _to(self, value: float) -> float:
+        if self.is_root:
+            return math.sqrt(max(value, 0.0))
         return math.log10(max(value, 1e-12)) if self.logarithmic else value
 
     def _from(self, value: float) -> float:
@@ -159,6 +167,8 @@ class _Scale:
     def _own_ticks(self) -> list[float]:
         if self.logarithmic:
             return list(logarithmic_ticks(self.low, self.high))
+        if self.is_root:
+            return [float(tick) for tick in ROOT_TICKS if tick <= self.high]
         rough = (self.high - self.low) / 5
         unit = 10.0 ** math.floor(math.log10(rough))
         step = next((digit * unit for digit in (1, 2, 5) if digit * unit >= rough), 10 * unit)
@@ -200,14 +210,19 @@ def _panel(panel: Panel, marks: Sequence[Mark]) -> Drawing:
         spans = [end for span in panel.spans for end in (span.start, span.end)]
         x = _Scale([*of_series, *spans, *(mark.x for mark in marks)], panel.x, LEFT, WIDTH - RIGHT)
         labels = [(x(tick), f"{tick:g}") for tick in x.ticks]
-    values: list[Number] = [mark.y for mark in marks]
+    values: list[Number] = []
     for series in panel.series:
         values += [*series.y, *series.low, *series.high]
     for band in panel.bands:
         values += [*band.low, *band.high]
     for bars in panel.bars:
         values += bars.values
-    y = _Scale(values, panel.y, HEIGHT - BOTTOM, TOP)
+    # A few trials may change ten times as much as the mean.
+    highest = max((mark.y for mark in marks), default=0.0)
+    is_root = panel.y.from_zero and highest > FAR * max((each for each in values if each is not None), default=highest)
+    y = _Scale([*values, highest] if marks else values, panel.y, HEIGHT - BOTTOM, TOP, is_root=is_root)
+    if is_root:
+        panel = replace(panel, y=replace(panel.y, label=f"{panel.y.label or 'CP'} (square-root scale)"))
     parts = [*_frame(panel, x, y, labels)]
     for i, span in enumerate(panel.spans):
         left, right = x(span.start), x(span.end)
@@ -467,7 +482,8 @@ def _legend(panel: Panel) -> tuple[Entry, ...]:
 
 
 def _style(role: str, group: int) -> str:
-    return f"{role} g{group % GROUPS}"
+    line = group // GROUPS % LINES
+    return f"{role} g{group % GROUPS}{f' l{line}' if line else ''}"
 
 
 def _svg(parts: Iterable[str], label: str, width: float = WIDTH, height: float = HEIGHT) -> str:

@@ -12,7 +12,7 @@
     return;
   }
 
-  const NO_LABEL = 255, CREASE = Math.cos(Math.PI / 4), MARGIN = 1.08, FADED = 0.78;
+  const NO_LABEL = 255, CREASE = Math.cos(Math.PI / 4), MARGIN = 1.04, FADED = 0.78;
   const VIRIDIS = ["#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
 
   // What a corner of a triangle has: place, normal, colour number of its face, whether it changed, value of a function.
@@ -197,7 +197,7 @@
   /* The frame of a scene: that of all its surfaces, unless one is much larger, or elsewhere: each then has its own. */
   const boxOf = (packed) => ({
     centre: packed.low.map((low, k) => low + packed.size[k] / 2),
-    radius: Math.hypot(...packed.size) / 2 || 1,
+    radius: packed.radius,
   });
   const framesOf = (viewports) => {
     const boxes = viewports.map((each) => boxOf(data.surfaces[each.surface]));
