@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 WORST_SHOWN = 8  # trials of a method under a perturbation
 ERRORS_SHOWN = 3
+MOST_WIDE = 2  # panels of a chart that have the width of the page
 VALUE = "change_percentage"
-BELOW = ("scatter", "ranks")  # the charts below the heat map; its cells show the curves
+BELOW = ("scatter", "ranks", "curves")  # the charts below the heat map
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,9 @@ def board_blocks(results: Results, numbers: Mapping[str, int]) -> list[Block]:
 
 
 def _chart(chart: Chart, name: str) -> ChartBlock:
-    shown = [replace(each, wide=True) for each in drawings(chart)]
+    shown = drawings(chart)
+    if len(shown) <= MOST_WIDE:
+        shown = [replace(each, wide=True) for each in shown]
     return ChartBlock(name.capitalize(), shown, chart.subtitle)
 
 

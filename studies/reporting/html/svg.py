@@ -35,8 +35,10 @@ LINES = 4
 FAR = 3.0  # how many times larger than what is drawn as a line single trials are where the axis is compressed
 ROOT_TICKS = (0, 1, 5, 10, 25, 50, 100, 150, 200)
 WIDTH, HEIGHT = 520, 320  # of a panel, in its own units
+SCATTER = (760, 480)  # width and height of a panel with named points
 LEFT, RIGHT, TOP, BOTTOM = 58, 14, 12, 46
 CHARACTER = 7.4  # mean width of a character
+NAME_CHARACTER = 6.0  # the same of names of points, which are smaller
 ROW = 19  # height of a row of dots or cells
 LONGEST_NAME = 28  # characters
 JITTER = 0.012  # of the width, by which points at the same place are moved apart
@@ -194,7 +196,9 @@ class _RootScale(_Scale):
                 apart = not kept or self._to(kept[-1]) - self._to(tick) >= CLOSEST_TICKS * span
                 if self.low <= tick <= self.high and apart:
                     kept.append(tick)
-        return ([0.0] if self.low == 0 else []) + kept[::-1]
+        if self.low > 0:
+            return kept[::-1]
+        return [0.0, *(tick for tick in reversed(kept) if self._to(tick) >= CLOSEST_TICKS * span)]
 
 
 def _panel(panel: Panel, marks: Sequence[Mark]) -> Drawing:
@@ -241,9 +245,11 @@ def _panel(panel: Panel, marks: Sequence[Mark]) -> Drawing:
     return Drawing(panel.title, _svg(parts, panel.title or panel.y.label), _legend(panel))
 
 
-def _frame(panel: Panel, x: _Scale, y: _Scale, labels: Sequence[tuple[float, str]]) -> Iterator[str]:
+def _frame(
+    panel: Panel, x: _Scale, y: _Scale, labels: Sequence[tuple[float, str]], width: int = WIDTH, height: int = HEIGHT
+) -> Iterator[str]:
     """Grid, axes and their labels."""
-    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
+    bottom, right = height - BOTTOM, width - RIGHT
     for tick in y.ticks:
         yield f'<line class="grid" x1="{LEFT}" x2="{right}" y1="{_n(y(tick))}" y2="{_n(y(tick))}"/>'
         yield f'<text class="tick" x="{LEFT - 6}" y="{_n(y(tick) + 4)}" text-anchor="end">{tick:g}</text>'
@@ -256,7 +262,7 @@ def _frame(panel: Panel, x: _Scale, y: _Scale, labels: Sequence[tuple[float, str
             end = place + half + 4
     yield f'<path class="axis" d="M{LEFT} {TOP}V{bottom}H{right}"/>'
     across = panel.x.label.replace("\n", " ")
-    yield f'<text class="label" x="{(LEFT + right) / 2}" y="{HEIGHT - 8}" text-anchor="middle">{escape(across)}</text>'
+    yield f'<text class="label" x="{(LEFT + right) / 2}" y="{height - 8}" text-anchor="middle">{escape(across)}</text>'
     middle = (TOP + bottom) / 2
     yield (
         f'<text class="label" transform="translate(14 {middle}) rotate(-90)" text-anchor="middle">'
@@ -421,10 +427,11 @@ def _cells(
 
 def _scatter(scatter: Scatter) -> Drawing:
     """Named points and the line through the best of them; names that would cover others are shown on hover alone."""
-    x = _RootScale([value for each in scatter.points for value in each.x], scatter.x, LEFT, WIDTH - RIGHT)
-    y = _RootScale([value for each in scatter.points for value in each.y], scatter.y, HEIGHT - BOTTOM, TOP)
+    width, height = SCATTER
+    x = _RootScale([value for each in scatter.points for value in each.x], scatter.x, LEFT, width - RIGHT)
+    y = _RootScale([value for each in scatter.points for value in each.y], scatter.y, height - BOTTOM, TOP)
     labels = [(x(tick), f"{tick:g}") for tick in x.ticks]
-    parts = list(_frame(Panel(scatter.x, scatter.y), x, y, labels))
+    parts = list(_frame(Panel(scatter.x, scatter.y), x, y, labels, width, height))
     if scatter.front:
         parts.append(
             f'<polyline class="front" points="{" ".join(f"{_n(x(a))},{_n(y(b))}" for a, b in scatter.front)}"/>'
@@ -437,7 +444,8 @@ def _scatter(scatter: Scatter) -> Drawing:
             tip = _tip(f"{name}: {across:.4g}, {up:.4g}")
             parts.append(f'<circle class="{style}" cx="{_n(x(across))}" cy="{_n(y(up))}" r="4.5"{tip}/>')
     parts += _names(scatter, x, y)
-    return Drawing("", _svg(parts, f"{scatter.y.label} by {scatter.x.label}"), tuple(legend))
+    label = f"{scatter.y.label} by {scatter.x.label}"
+    return Drawing("", _svg(parts, label, width, height), tuple(legend), wide=True)
 
 
 def _names(scatter: Scatter, x: _Scale, y: _Scale) -> Iterator[str]:
@@ -450,14 +458,14 @@ def _names(scatter: Scatter, x: _Scale, y: _Scale) -> Iterator[str]:
     taken = [(at - 5, height - 5, at + 5, height + 5) for _, at, height in named]
     for name, at, height in named:
         shown = _shortened(name)
-        length = len(shown) * CHARACTER
+        length = len(shown) * NAME_CHARACTER
         for left, baseline in (
             (at + 8, height + 4), (at - 8 - length, height + 4), (at - length / 2, height - 8),
             (at - length / 2, height + 17), (at + 6, height - 6), (at + 6, height + 15),
             (at - 6 - length, height - 6), (at - 6 - length, height + 15),
         ):  # fmt: skip
             box = (left, baseline - 10, left + length, baseline + 2)
-            inside = box[0] > LEFT and box[2] < WIDTH - RIGHT and box[1] > TOP - 8 and box[3] < HEIGHT - BOTTOM
+            inside = LEFT < box[0] and box[2] < SCATTER[0] - RIGHT and 0 < box[1] and box[3] < SCATTER[1] - BOTTOM
             if inside and not any(_overlap(box, other) for other in taken):
                 taken.append(box)
                 yield f'<text class="name" x="{_n(left)}" y="{_n(baseline)}">{escape(shown)}</text>'
