@@ -136,36 +136,45 @@ def cell_details(
         trial_id -> the scene of the page's viewer that shows it
     """
     titles = titles_of(scores, parts)
-    groups: dict[Any, pd.DataFrame] = dict(list(rows.groupby(["part", "segmenter"], sort=False)))
+    good = rows[(rows["status"] == "ok") & rows[VALUE].notna()]
+    of_all = dict(list(rows.groupby(["part", "segmenter"], sort=False)))
+    means = good.groupby(["part", "segmenter", "level"])[VALUE].mean()
+    curves: dict[Any, dict[float, float]] = {}
+    for (part, method, level), mean in means.items():  # type: ignore[misc]  # the keys are those of three columns
+        curves.setdefault((part, method), {})[float(level)] = round(float(mean), 2)
+    worst = good[good[VALUE] > 0].sort_values(VALUE, ascending=False, kind="stable")
+    worst_of = dict(
+        list(worst.groupby(["part", "segmenter"], sort=False).head(WORST_SHOWN).groupby(["part", "segmenter"]))
+    )
     found = {}
     for i, part in enumerate(scores.parts):
-        levels = parts[part].levels if part in parts else None
-        reference = _by_level(groups.get((part, scores.options.relative_to)), levels)
+        levels = [float(level) for level in (parts[part].levels or ())] if part in parts else []
+        title = f"under {titles[part][:1].lower()}{titles[part][1:]}"
         for j, method in enumerate(scores.board["segmenter"]):
-            label = scores.cards[method].label
-            title = f"{label} under {titles[part][:1].lower()}{titles[part][1:]}"
-            details = _details(scores, part, method, groups.get((part, method)), numbers)
-            curve = _by_level(groups.get((part, method)), levels)
-            found[f"{i} {j}"] = {"title": title, "method": method, "curve": curve, "reference": reference} | details
+            found[f"{i} {j}"] = {
+                "title": f"{scores.cards[method].label} {title}",
+                "method": method,
+                "curve": _ordered(curves.get((part, method), {}), levels),
+                "reference": _ordered(curves.get((part, scores.options.relative_to), {}), levels),
+                "worst": [list(_trial(row, numbers)) for row in _records(worst_of.get((part, method)))],
+                **_facts(scores, part, method, of_all.get((part, method))),
+            }
     return found
 
 
-def _by_level(rows: pd.DataFrame | None, levels: Sequence[float] | None) -> list[list[float]]:
-    """Mean Change Percentage by strength, in the order of the study: [strength, mean] each."""
-    if rows is None:
-        return []
-    means = rows[rows["status"] == "ok"].groupby("level")[VALUE].mean().dropna()
-    order = [float(level) for level in (levels or ()) if float(level) in means.index]
-    order += [level for level in means.index if level not in order]
-    return [[level, round(float(means[level]), 2)] for level in order]
+def _ordered(means: Mapping[float, float], levels: Sequence[float]) -> list[list[float]]:
+    """Strengths with their means, in the order of the study."""
+    return [[level, means[level]] for level in dict.fromkeys((*levels, *sorted(means))) if level in means]
 
 
-def _details(
-    scores: Scores, part: str, method: str, rows: pd.DataFrame | None, numbers: Mapping[str, int]
-) -> dict[str, Any]:
-    """The scores of a method under a perturbation, its worst trials, and why others failed."""
+def _records(rows: pd.DataFrame | None) -> list[dict[Any, Any]]:
+    return [] if rows is None else rows.to_dict("records")
+
+
+def _facts(scores: Scores, part: str, method: str, rows: pd.DataFrame | None) -> dict[str, list[str]]:
+    """The scores of a method under a perturbation, and why trials failed."""
     if rows is None:
-        return {"facts": ["not run"], "worst": [], "failures": []}
+        return {"facts": ["not run"], "failures": []}
     error, change = scores.corruption_errors.loc[method, part], scores.mean_change.loc[method, part]
     failed = rows[rows["status"] != "ok"]
     facts = [
@@ -173,12 +182,9 @@ def _details(
         f"corruption error {error:.2f}" if part in scores.counting and not is_missing(error) else "",
         f"{count_of(len(rows), 'trial')}{f', {len(failed):,} of which failed' if len(failed) else ''}",
     ]
-    good = rows[(rows["status"] == "ok") & (rows[VALUE] > 0)]
-    worst = good.sort_values(VALUE, ascending=False, kind="stable").head(WORST_SHOWN)
     reasons = failed["error"].dropna().astype(str).value_counts().head(ERRORS_SHOWN)
     return {
         "facts": [fact for fact in facts if fact],
-        "worst": [list(_trial(row, numbers)) for row in worst.to_dict("records")],
         "failures": [f"{n:,} × {reason}" for reason, n in reasons.items()],
     }
 

@@ -465,7 +465,7 @@ def _names(scatter: Scatter, x: _Scale, y: _Scale) -> Iterator[str]:
             (at - 6 - length, height - 6), (at - 6 - length, height + 15),
         ):  # fmt: skip
             box = (left, baseline - 10, left + length, baseline + 2)
-            inside = LEFT < box[0] and box[2] < SCATTER[0] - RIGHT and 0 < box[1] and box[3] < SCATTER[1] - BOTTOM
+            inside = box[0] > LEFT and box[2] < SCATTER[0] - RIGHT and box[1] > 0 and box[3] < SCATTER[1] - BOTTOM
             if inside and not any(_overlap(box, other) for other in taken):
                 taken.append(box)
                 yield f'<text class="name" x="{_n(left)}" y="{_n(baseline)}">{escape(shown)}</text>'
