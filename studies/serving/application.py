@@ -173,7 +173,9 @@ def _file(path: Path, request: Request) -> Response:
     policy = {"text/html": _OF_REPORTS, "application/pdf": _OF_PDFS}.get(kind, _OF_FILES)
     response = FileResponse(path, media_type=kind, stat_result=path.stat(), headers={"content-security-policy": policy})
     if response.headers["etag"] in request.headers.get("if-none-match", ""):
-        return Response(status_code=304, headers={"etag": response.headers["etag"]})
+        # The browser replaces the headers that it has kept by these: the policy must be the same.
+        kept = {name: response.headers[name] for name in ("etag", "content-security-policy")}
+        return Response(status_code=304, headers=kept)
     return response
 
 

@@ -134,3 +134,12 @@ def test_a_file_that_has_not_changed_is_not_sent_again(outside):
     status, again, nothing = outside.ask("/a/inside.txt", If_None_Match=headers["etag"])
     assert (status, again["etag"], nothing) == (304, headers["etag"], b"")
     assert outside.ask("/a/inside.txt", If_None_Match='"other"')[2] == content
+
+
+def test_what_a_page_may_do_is_the_same_when_it_is_not_sent_again(outside):
+    (outside.root / "report.html").write_text("<script>1</script>")
+    for path in ("/", "/report.html", "/-/live.js", "/a/inside.txt"):
+        _, headers, _ = outside.ask(path)
+        status, again, _ = outside.ask(path, If_None_Match=headers["etag"])
+        assert status == 304, path
+        assert again["content-security-policy"] == headers["content-security-policy"], path
