@@ -109,7 +109,7 @@ def board_blocks(results: Results, numbers: Mapping[str, int]) -> list[Block]:
     if "heat_map" in charts:
         chart = charts["heat_map"]
         notes = f"{chart.subtitle}. A cell opens the worst cases of a method under a perturbation."
-        details = cell_details(scores, experiment.named_parts(), results.rows, numbers)
+        details = cell_details(scores, experiment.named_parts(), numbers)
         blocks.append(HeatMapBlock("Heat map", drawings(chart), notes[:1].upper() + notes[1:], details))
     return [*blocks, *(_chart(charts[name], name) for name in BELOW if name in charts)]
 
@@ -121,9 +121,7 @@ def _chart(chart: Chart, name: str) -> ChartBlock:
     return ChartBlock(name.capitalize(), shown, chart.subtitle)
 
 
-def cell_details(
-    scores: Scores, parts: Mapping[str, Part], rows: pd.DataFrame, numbers: Mapping[str, int]
-) -> dict[str, dict[str, Any]]:
+def cell_details(scores: Scores, parts: Mapping[str, Part], numbers: Mapping[str, int]) -> dict[str, dict[str, Any]]:
     """What each cell of the heat map shows when it is opened, by its row and column.
 
     Parameters
@@ -131,11 +129,10 @@ def cell_details(
     scores : Scores
     parts : mapping of str to Part
         the perturbations, with their titles and strengths
-    rows : DataFrame
     numbers : mapping of str to int
         trial_id -> the scene of the page's viewer that shows it
     """
-    titles = titles_of(scores, parts)
+    titles, rows = titles_of(scores, parts), scores.compared
     good = rows[(rows["status"] == "ok") & rows[VALUE].notna()]
     of_all = dict(list(rows.groupby(["part", "segmenter"], sort=False)))
     means = good.groupby(["part", "segmenter", "level"])[VALUE].mean()

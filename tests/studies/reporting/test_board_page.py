@@ -40,7 +40,7 @@ def details(results):
     experiment = results.experiment
     scores = experiment.scores(results.rows)
     numbers = {trial_id: i for i, trial_id in enumerate(results.rows["trial_id"])}
-    return scores, cell_details(scores, experiment.named_parts(), results.rows, numbers)
+    return scores, cell_details(scores, experiment.named_parts(), numbers)
 
 
 def test_a_cell_opens_the_trials_that_changed_most_with_the_scenes_that_show_them(results, details):

@@ -32,7 +32,8 @@ def test_new_rows_new_studies_and_the_report_appear_without_a_reload(served, bro
         page.locator(".latest td", has_text="third").wait_for()
         assert page.locator(".latest td", has_text="<b>first</b>").count() == 1
         assert page.evaluate("window.mark") == 1
-    report = "<link rel='icon' href='data:,'><p id='made'></p><script>document.getElementById('made').textContent = 'the report'</script>"
+    script = "<script>document.getElementById('made').textContent = 'the report'</script>"
+    report = f"<link rel='icon' href='data:,'><p id='made'></p>{script}"
     page.goto(f"http://127.0.0.1:{served.port}/holes/ant/")
     (folder / "report.html").write_text(report)
     page.get_by_text("the report").wait_for()  # whose script has run
