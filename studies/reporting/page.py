@@ -14,13 +14,12 @@ from studies.reporting.publication import Publication
 from studies.reporting.results import CONFIG_FILE, Results
 from studies.reporting.sweeps import Sweep
 from studies.reporting.text import count_of, markdown_of, markdown_table
-from studies.storage.folders import PUBLISHED_FILE
+from studies.storage.folders import PUBLISHED_FILE, REPORT_FILE
 from studies.storage.identity import short_digest
 
 HEADINGS = ("section", "claim", "paper", "ours", "95 % interval", "verdict", "study")
 MOST_NAMED_MODELS = 12  # whose names are all on the page
 MOST_RANGES = 20  # of models whose names are numbers
-REPORT_FILE = "report.html"
 
 
 def study_folders(results: Path) -> list[Path]:

@@ -16,9 +16,10 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from studies.serving.current_table import TableMaker
-from studies.serving.pages import LIVE, REPORT_FILE, Pages, digest_of
+from studies.serving.pages import LIVE, Pages, digest_of
 from studies.serving.site import Site
 from studies.serving.watching import FolderWatch, Watch
+from studies.storage.folders import REPORT_FILE
 
 ASSETS = Path(__file__).with_name("assets")
 

@@ -16,13 +16,12 @@ from studies.serving.current_table import CurrentTable
 from studies.serving.site import Site
 from studies.serving.watching import FolderWatch
 from studies.storage import encodable
+from studies.storage.folders import INDEX_FILE, REPORT_FILE
 from studies.terminal import one_line
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-REPORT_FILE = "report.html"
-INDEX_FILE = "index.html"
 LIVE = "/-/live"  # before the address of a folder: its live page, even if it has a report
 
 _SHOWN = ("model", "segmenter", "part", "level", "repeat", "seconds_segment", "status")  # of the newest rows

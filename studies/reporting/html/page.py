@@ -15,12 +15,11 @@ from studies.columns import Table, is_missing
 from studies.reporting.html.packing import PackedScenes, palette, read_packed
 from studies.reporting.html.svg import Drawing, Entry
 from studies.storage import atomic_write, encodable
+from studies.storage.folders import INDEX_FILE as INDEX_FILE
+from studies.storage.folders import REPORT_FILE as REPORT_FILE
 
 if TYPE_CHECKING:
     import jinja2
-
-REPORT_FILE = "report.html"
-INDEX_FILE = "index.html"
 
 PICTURE_WIDTH = 1600  # pixels; wider pictures are made smaller
 PICTURE_QUALITY = 80

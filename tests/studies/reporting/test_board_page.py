@@ -7,6 +7,7 @@ import pytest
 
 from studies.experiments.experiment import row_columns
 from studies.experiments.leaderboard import Leaderboard
+from studies.reporting.html import Scene, Surface, Viewport, pack
 from studies.reporting.html.board_page import WORST_SHOWN, board_table, cell_details, methods_block
 from studies.reporting.html.study_page import study_page
 from studies.reporting.results import Results
@@ -98,9 +99,32 @@ def browser():
 
 
 @pytest.fixture(scope="module")
-def address(results):
-    study_page(results).write(results.folder / "report.html")
+def scenes(details):
+    """The worst case of the second method under the first perturbation, as all methods have segmented it."""
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    surface = Surface(corners, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
+    worst = details[1]["0 1"]["worst"][0][-1]
+    viewports = [Viewport(surface, "variant", method, labels=np.arange(4)) for method in METHODS]
+    return pack([Scene({"model": f"m{i}"}, viewports, key=key) for i, key in enumerate(("other", f"t{worst} further"))])
+
+
+@pytest.fixture(scope="module")
+def address(results, scenes):
+    study_page(results, scenes).write(results.folder / "report.html")
     return (results.folder / "report.html").as_uri()
+
+
+def test_a_worst_case_is_shown_in_the_viewer_with_the_surfaces_of_its_method_alone(browser, address, details):
+    page, complaints = opened(browser, address)
+    page.locator("#stage[data-ready=true]").wait_for()
+    page.locator("rect.cell[data-row='0'][data-column='1']").click()
+    buttons = page.locator("#cell-worst button")
+    assert buttons.count() == 1  # of the other trials there are no scenes
+    buttons.click()
+    assert not page.locator("#cell").is_visible()
+    assert page.evaluate("window.viewer.state.scene") == 1
+    assert page.evaluate("window.viewer.cells().map((each) => each.viewport.row)") == [details[1]["0 1"]["method"]]
+    assert complaints == []
 
 
 def test_names_from_rows_end_no_script_of_the_page(address, results, details):
