@@ -135,14 +135,13 @@ def cell_details(scores: Scores, parts: Mapping[str, Part], numbers: Mapping[str
     titles, rows = titles_of(scores, parts), scores.compared
     good = rows[(rows["status"] == "ok") & rows[VALUE].notna()]
     of_all = dict(list(rows.groupby(["part", "segmenter"], sort=False)))
-    means = good.groupby(["part", "segmenter", "level"])[VALUE].mean()
+    means = good.groupby(["part", "segmenter", "level"])[VALUE].mean().reset_index()
     curves: dict[Any, dict[float, float]] = {}
-    for (part, method, level), mean in means.items():  # type: ignore[misc]  # the keys are those of three columns
-        curves.setdefault((part, method), {})[float(level)] = round(float(mean), 2)
-    worst = good[good[VALUE] > 0].sort_values(VALUE, ascending=False, kind="stable")
-    worst_of = dict(
-        list(worst.groupby(["part", "segmenter"], sort=False).head(WORST_SHOWN).groupby(["part", "segmenter"]))
-    )
+    for mean in means.to_dict("records"):
+        curves.setdefault((mean["part"], mean["segmenter"]), {})[float(mean["level"])] = round(float(mean[VALUE]), 2)
+    changed = good[good[VALUE] > 0].sort_values(VALUE, ascending=False, kind="stable")
+    worst = changed.groupby(["part", "segmenter"], sort=False).head(WORST_SHOWN)
+    worst_of = dict(list(worst.groupby(["part", "segmenter"], sort=False)))
     found = {}
     for i, part in enumerate(scores.parts):
         levels = [float(level) for level in (parts[part].levels or ())] if part in parts else []
@@ -172,7 +171,8 @@ def _facts(scores: Scores, part: str, method: str, rows: pd.DataFrame | None) ->
     """The scores of a method under a perturbation, and why trials failed."""
     if rows is None:
         return {"facts": ["not run"], "failures": []}
-    error, change = scores.corruption_errors.loc[method, part], scores.mean_change.loc[method, part]
+    error: Any = scores.corruption_errors.loc[method, part]
+    change: Any = scores.mean_change.loc[method, part]
     failed = rows[rows["status"] != "ok"]
     facts = [
         f"CP {MISSING if is_missing(change) else f'{change:.1f} %'}",
