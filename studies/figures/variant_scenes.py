@@ -115,8 +115,10 @@ def choose_draws(
     changes = good["change_percentage"].astype(float)
     by_draw: dict[tuple[Any, ...], list[Any]] = {}
     for trial in planned:
+        of_draw = by_draw.setdefault(_draw_of(trial), [])
         if trial.trial_id in changes.index:
-            by_draw.setdefault(_draw_of(trial), []).append(trial)
+            of_draw.append(trial)
+    by_draw = {draw: trials for draw, trials in by_draw.items() if trials}
     highest = {draw: max(changes[trial.trial_id] for trial in trials) for draw, trials in by_draw.items()}
     wanted = dict.fromkeys(_draw_of(trial) for line in chosen for trial in line if trial.trial_id in changes.index)
     seconds = good[["seconds_perturb", "seconds_segment"]].sum(axis=1)

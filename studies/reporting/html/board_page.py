@@ -92,19 +92,20 @@ def board_table(results: Results) -> TableBlock:
     return TableBlock(block.heading, block.headings, rows, block.notes, block.explained)
 
 
-def board_blocks(results: Results, numbers: Mapping[str, int]) -> list[Block]:
+def board_blocks(results: Results, charts: Mapping[str, Chart], numbers: Mapping[str, int]) -> list[Block]:
     """The charts of a leaderboard, with a heat map whose cells show the worst cases.
 
     Parameters
     ----------
     results : Results
         of a `Leaderboard`
+    charts : mapping of str to Chart
+        those of its experiment
     numbers : mapping of str to int
         trial_id -> the scene of the page's viewer that shows it
     """
     experiment: Leaderboard = results.experiment  # type: ignore[assignment]
     scores = experiment.scores(results.rows)
-    charts = experiment.charts(results.name, results.report_tables, results.rows, results.title)
     blocks: list[Block] = []
     if "heat_map" in charts:
         chart = charts["heat_map"]

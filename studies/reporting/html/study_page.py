@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from studies.figures.charts import Chart
     from studies.reporting.results import Results
 
 VALUE = "change_percentage"
@@ -68,12 +69,13 @@ def study_page(
     rows = results.rows
     numbers = scenes.numbers if scenes else {}
     is_board = isinstance(results.experiment, Leaderboard)
+    charts = results.experiment.charts(results.name, results.report_tables, rows, results.title)
     blocks = [
         _facts(results),
         *_findings(results),
         *_claims(results),
         board_table(results) if is_board else TableBlock.of(results.main_table, "Results"),
-        *(board_blocks(results, numbers) if is_board else _charts(results, numbers)),
+        *(board_blocks(results, charts, numbers) if is_board else _charts(results, charts, numbers)),
         *_viewer(results, scenes),
         *([methods_block(results)] if is_board else []),
         *_worst(rows, numbers),
@@ -81,7 +83,7 @@ def study_page(
         *_by_model(rows),
         *(TableBlock.of(table, table.title) for table in list(results.report_tables.values())[1:] if table.visible()),
         *others,
-        *_pictures(results),
+        *_pictures(results, charts),
     ]
     return Page(results.title, blocks, scenes=scenes, up=up)
 
@@ -170,8 +172,8 @@ def _claims(results: Results) -> list[TableBlock]:
     return [claims_table(claims, "Next to the paper", plain_text(remark))]
 
 
-def _charts(results: Results, numbers: Mapping[str, int]) -> list[ChartBlock]:
-    charts = results.experiment.charts(results.name, results.report_tables, results.rows, results.title)
+def _charts(results: Results, charts: Mapping[str, Chart], numbers: Mapping[str, int]) -> list[ChartBlock]:
+    """The charts of the study, with a point for each trial."""
     blocks = []
     for stem, chart in charts.items():
         marks = _marks(results, numbers) if stem == results.name else {}
@@ -321,9 +323,8 @@ def _by_model(rows: pd.DataFrame) -> list[TableBlock]:
     return [TableBlock.of(Table("by_model", frame, columns), "By model")]
 
 
-def _pictures(results: Results) -> list[PictureBlock]:
+def _pictures(results: Results, charts: Mapping[str, Chart]) -> list[PictureBlock]:
     """The pictures of surfaces that a study without a viewer of its own has."""
-    charts = results.experiment.charts(results.name, results.report_tables, results.rows, results.title)
     skipped = {*charts, GALLERY} if results.experiment.has_scenes else {*charts}
     return [
         PictureBlock.of(path, path.stem.replace("_", " ").capitalize())

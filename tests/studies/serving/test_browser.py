@@ -3,18 +3,18 @@
 import pytest
 
 from studies.storage import RowStore
-from tests.helpers.chromium import chromium, opened
+from tests.helpers.browser import browser, open_page
 from tests.studies.storage.example_rows import row
 
 
 @pytest.fixture(scope="module")
-def browser():
-    with chromium() as found:
-        yield found
+def chromium():
+    with browser() as started:
+        yield started
 
 
-def test_new_rows_new_studies_and_the_report_appear_without_a_reload(served, browser):
-    page, complaints = opened(browser, f"http://127.0.0.1:{served.port}/")
+def test_new_rows_new_studies_and_the_report_appear_without_a_reload(served, chromium):
+    page, complaints = open_page(chromium, f"http://127.0.0.1:{served.port}/")
     page.evaluate("window.mark = 1")
     folder = served.root / "holes" / "ant"
     with RowStore(folder) as store:
@@ -40,16 +40,16 @@ def test_new_rows_new_studies_and_the_report_appear_without_a_reload(served, bro
     assert complaints == []
 
 
-def test_a_page_can_neither_load_from_elsewhere_nor_run_what_a_name_brings(served, browser):
+def test_a_page_can_neither_load_from_elsewhere_nor_run_what_a_name_brings(served, chromium):
     (served.root / "evil.html").write_text(
         "<img src='http://192.0.2.1/x.png'><script>fetch('/').catch(() => document.title = 'refused')</script>"
     )
-    page, complaints = opened(browser, f"http://127.0.0.1:{served.port}/evil.html")
+    page, complaints = open_page(chromium, f"http://127.0.0.1:{served.port}/evil.html")
     page.wait_for_function("document.title === 'refused'")
     assert sum("Content Security Policy" in complaint for complaint in complaints) >= 2
 
 
-def test_a_page_says_so_when_the_server_has_ended(served, browser):
-    page, _ = opened(browser, f"http://127.0.0.1:{served.port}/")
+def test_a_page_says_so_when_the_server_has_ended(served, chromium):
+    page, _ = open_page(chromium, f"http://127.0.0.1:{served.port}/")
     page.route("**/*", lambda route: route.abort())
     page.get_by_text("The server has ended").wait_for()

@@ -11,7 +11,7 @@ from studies.reporting.html import Scene, Surface, Viewport, pack
 from studies.reporting.html.board_page import WORST_SHOWN, board_table, cell_details, methods_block
 from studies.reporting.html.study_page import study_page
 from studies.reporting.results import Results
-from tests.helpers.chromium import chromium, opened
+from tests.helpers.browser import browser, open_page
 from tests.studies.experiments.leaderboard.boards import drawn
 
 METHODS = ("HeatWalk", "cuts", "Voronoi")
@@ -93,9 +93,9 @@ def test_every_method_of_the_board_leads_to_its_card(results):
 
 
 @pytest.fixture(scope="module")
-def browser():
-    with chromium() as found:
-        yield found
+def chromium():
+    with browser() as started:
+        yield started
 
 
 @pytest.fixture(scope="module")
@@ -114,8 +114,8 @@ def address(results, scenes):
     return (results.folder / "report.html").as_uri()
 
 
-def test_a_worst_case_is_shown_in_the_viewer_with_the_surfaces_of_its_method_alone(browser, address, details):
-    page, complaints = opened(browser, address)
+def test_a_worst_case_is_shown_in_the_viewer_with_the_surfaces_of_its_method_alone(chromium, address, details):
+    page, complaints = open_page(chromium, address)
     page.locator("#stage[data-ready=true]").wait_for()
     page.locator("rect.cell[data-row='0'][data-column='1']").click()
     buttons = page.locator("#cell-worst button")
@@ -134,9 +134,9 @@ def test_names_from_rows_end_no_script_of_the_page(address, results, details):
     assert json.loads(stored).keys() == details[1].keys()
 
 
-def test_a_click_opens_a_cell_and_keys_open_the_next(browser, address, details):
+def test_a_click_opens_a_cell_and_keys_open_the_next(chromium, address, details):
     _, cells = details
-    page, complaints = opened(browser, address)
+    page, complaints = open_page(chromium, address)
     dialog = page.locator("#cell")
     page.locator("rect.cell[data-row='1'][data-column='1']").click()
     assert dialog.locator("h3").text_content() == cells["1 1"]["title"]
@@ -157,8 +157,8 @@ def test_a_click_opens_a_cell_and_keys_open_the_next(browser, address, details):
     assert complaints == []
 
 
-def test_the_board_sorts_and_leads_to_cards_whose_citation_is_copied(browser, address, results):
-    page, complaints = opened(browser, address, permissions=["clipboard-read", "clipboard-write"])
+def test_the_board_sorts_and_leads_to_cards_whose_citation_is_copied(chromium, address, results):
+    page, complaints = open_page(chromium, address, permissions=["clipboard-read", "clipboard-write"])
     board = page.locator("section.table").first
     headings = board.locator("th").all_text_contents()
     board.locator("th button", has_text="CP %").first.click()
@@ -175,6 +175,6 @@ def test_the_board_sorts_and_leads_to_cards_whose_citation_is_copied(browser, ad
 
 
 @pytest.mark.parametrize("width", [390, 1200])
-def test_no_page_is_wider_than_its_window(browser, address, width):
-    page, _ = opened(browser, address, viewport={"width": width, "height": 800})
+def test_no_page_is_wider_than_its_window(chromium, address, width):
+    page, _ = open_page(chromium, address, viewport={"width": width, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth") <= width
