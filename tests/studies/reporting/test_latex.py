@@ -13,7 +13,7 @@ from studies.reporting.latex import escaped, latex
 from studies.reporting.results import Results
 
 RESULTS = Path(__file__).parents[3] / "results"
-FOLDERS = ("shot_noise/bundled", "table1/psb", "pose/tosca", "time/psb")
+FOLDERS = ("shot_noise/bundled", "table1/psb")
 
 SIGNS = '\\&%$#_{}~^<>|"`[]*–—−×≤≥→…“”‘’ [x] *y* a--b 犬 Ω é ł\t\n\n\x00\u200b'
 
