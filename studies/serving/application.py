@@ -111,20 +111,25 @@ class _Answers:
     def _file(self, request: Request) -> Response:
         raw = _raw_path(request)
         folder, _, name = raw.rpartition(b"/")
-        if name == REPORT_FILE.encode() and self._site.find(raw) is None:
-            path, watch = None, self._watch_of(folder)
-        else:
-            path = self._site.find(raw)
-            watch = self._watch.folder(path) if path and path.is_dir() else None
-            if watch is not None and name:
-                return RedirectResponse(self._site.href(watch.folder) + "/")
-            if watch is not None and (watch.folder / REPORT_FILE).is_file():
-                path, watch = self._site.find(raw + REPORT_FILE.encode()), None
-        if watch is not None:
-            return self._live_page(watch, request)
-        if path is None or not path.is_file() or (raw.endswith(b"/") and path.name != REPORT_FILE):
-            raise HTTPException(404)
-        return _file(path, request)
+        path = self._site.find(raw)
+        if path is None and name == REPORT_FILE.encode():  # it has not been written yet
+            watch = self._watch_of(folder)
+            if watch is not None:
+                return self._live_page(watch, request)
+        elif path is not None and path.is_dir():
+            watch = self._watch.folder(path)
+            if watch is not None:
+                return self._folder(watch, raw, request)
+        elif path is not None and name and path.is_file():
+            return _file(path, request)
+        raise HTTPException(404)
+
+    def _folder(self, watch: FolderWatch, raw: bytes, request: Request) -> Response:
+        """The report of a study, or its live page."""
+        if not raw.endswith(b"/"):
+            return RedirectResponse(self._site.href(watch.folder) + "/")
+        report = self._site.find(raw + REPORT_FILE.encode())
+        return _file(report, request) if report and report.is_file() else self._live_page(watch, request)
 
     def _watch_of(self, raw_folder: bytes) -> FolderWatch | None:
         path = self._site.find(raw_folder)
