@@ -26,6 +26,7 @@ LIVE = "/-/live"  # before the address of a folder: its live page, even if it ha
 
 _SHOWN = ("model", "segmenter", "part", "level", "repeat", "seconds_segment", "status")  # of the newest rows
 _FAILED = ("model", "segmenter", "part", "level", "repeat", "status", "error")
+_FORMATS = {"seconds_segment": ".2f"}
 _PICTURES, _PAGES = (".png",), (".html", ".md", ".csv", ".tex", ".pdf", ".yaml", ".json")
 
 
@@ -156,7 +157,9 @@ def duration(seconds: float | None) -> str:
 
 def _rows(rows: Sequence[dict[str, Any]], names: tuple[str, ...]) -> dict[str, Any]:
     """Rows as a table: headings, and cells with the newest first."""
-    declared = {column.name: column for column in COLUMNS}
+    declared = {
+        column.name: replace(column, format=column.format or _FORMATS.get(column.name, "")) for column in COLUMNS
+    }
     columns = [declared[name] for name in names]
     return {
         "headings": [column.title for column in columns],
