@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from studies.figures.colours import match_colours
+from studies.figures.pictures import label_of
 from studies.figures.scenes import Field, Reduced, Scene, Surface, Viewport, reduce_mesh
 from studies.figures.views import view_of
 from studies.metrics import match_labels
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 MOST_SECONDS = 10.0  # that trials took whose segmentation is not stored, to be computed again for a scene
 
-VERSION = 1  # raise it when a change alters scenes: they are then made again
+VERSION = 2  # raise it when a change alters scenes: they are then made again
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -149,10 +150,10 @@ def _draw(
 ) -> Draw:
     first = trials[0]
     part = {"perturbation": first.part.replace("_", " ")} if several_parts else {}
-    at = {"model": first.model.name, **part, "repeat": first.repeat + 1, "level": first.level}
+    at = {"model": label_of(first.model), **part, "repeat": first.repeat, "level": first.level}
     notes = [f"CP {change:.1f} %" for change in changes]
     level = f"{part['perturbation']} {first.level:g}" if part else f"{first.level:g}"
-    place = f"{first.model.name}, {level}, repeat {first.repeat + 1}"
+    place = f"{label_of(first.model)}, {level}, repeat {first.repeat}"
     worst = int(np.argmax(changes))
     by = f" ({trials[worst].segmenter_name})" if len(trials) > 1 else ""
     return Draw(

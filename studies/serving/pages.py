@@ -157,10 +157,8 @@ def duration(seconds: float | None) -> str:
 
 def _rows(rows: Sequence[dict[str, Any]], names: tuple[str, ...]) -> dict[str, Any]:
     """Rows as a table: headings, and cells with the newest first."""
-    declared = {
-        column.name: replace(column, format=column.format or _FORMATS.get(column.name, "")) for column in COLUMNS
-    }
-    columns = [declared[name] for name in names]
+    declared = {column.name: column for column in COLUMNS}
+    columns = [replace(declared[name], format=_FORMATS.get(name, declared[name].format)) for name in names]
     return {
         "headings": [column.title for column in columns],
         "cells": [[_cell(column, row) for column in columns] for row in reversed(rows)],

@@ -209,7 +209,7 @@ def _marks(results: Results, numbers: Mapping[str, int]) -> dict[int, list[Mark]
     marks: dict[int, list[Mark]] = {}
     for row in frame.to_dict("records"):
         place = f"{row['model']}, level {row['level']:g}"
-        place += f", repeat {row['repeat'] + 1}" if single else ", mean of its repeats"
+        place += f", repeat {row['repeat']}" if single else ", mean of its repeats"
         method = f", {row['segmenter']}" if len(methods) > 1 else ""
         marks.setdefault(parts.index(str(row["part"])), []).append(
             Mark(
@@ -227,7 +227,7 @@ def _marks(results: Results, numbers: Mapping[str, int]) -> dict[int, list[Mark]
             if str(row["trial_id"]) in numbers
         }
         for (part, method, model, level), row in by_place.items():
-            text = f"{model}, level {level:g}, repeat {row['repeat'] + 1}, {method}: {row[VALUE]:.2f} %"
+            text = f"{model}, level {level:g}, repeat {row['repeat']}, {method}: {row[VALUE]:.2f} %"
             mark = Mark(float(level), float(row[VALUE]), text, methods.index(method), numbers[str(row["trial_id"])])
             marks[parts.index(part)].append(mark)
     # Those that can be clicked are on top.

@@ -12,7 +12,7 @@
     return;
   }
 
-  const NO_LABEL = 255, CREASE = Math.cos(Math.PI / 4), MARGIN = 1.04, FADED = 0.78;
+  const NO_LABEL = 255, CREASE = Math.cos(Math.PI / 4), MARGIN = 1.12, FADED = 0.78;
   const VIRIDIS = ["#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
 
   // What a corner of a triangle has: place, normal, colour number of its face, whether it changed, value of a function.

@@ -65,7 +65,7 @@ def test_every_trial_is_a_point_that_tells_its_value(stored):
     [chart] = [each for each in page.blocks if isinstance(each, ChartBlock)]
     tips = re.findall(r'class="mark[^>]*data-tip="([^"]*)"', chart.drawings[0].svg)
     assert sorted(tips) == sorted(
-        f"{row.model}, level {row.level:g}, repeat {row.repeat + 1}: {row.change_percentage:.2f} %"
+        f"{row.model}, level {row.level:g}, repeat {row.repeat}: {row.change_percentage:.2f} %"
         for row in stored.rows.itertuples()
     )
 
