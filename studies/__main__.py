@@ -9,6 +9,7 @@ COMMANDS = {
     "run": "run a study: python -m studies run --help lists the studies and their options",
     "status": "what is stored of every study, and which of them are running",
     "report": "tables, charts and the page of results, from stored rows alone",
+    "serve": "the results in a browser, live while a study runs",
     "merge": "the results of one study from several folders as one",
 }
 

@@ -184,6 +184,10 @@ class Table:
         columns = self.visible(compact=compact)
         return [[column.text(row, compact=compact) for column in columns] for row in self.records()]
 
+    def shortened(self) -> Table:
+        """The table without the numbers that need room; words stay."""
+        return self.replace(columns=[each for each in self.columns if each.compact or each.dtype == "string"])
+
     def records(self) -> list[dict[str, Any]]:
         """The rows of the frame as dicts."""
         return self.frame.to_dict("records")  # type: ignore[return-value]  # names of columns are str

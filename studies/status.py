@@ -33,14 +33,8 @@ def cells(name: str, summary: "FolderSummary") -> tuple[str, ...]:
         *(f"{summary.statuses[status]:,}" for status in STATUSES),
         f"{summary.seconds:,.0f}",
         summary.written.isoformat(" ", "minutes"),
-        _state(summary),
+        summary.state,
     )
-
-
-def _state(summary: "FolderSummary") -> str:
-    if summary.holder:
-        return f"running: {summary.holder}"
-    return f"{summary.n_missing:,} to go" if summary.n_missing > 0 else ""
 
 
 def print_table(lines: list[tuple[str, ...]]) -> None:

@@ -87,6 +87,8 @@ class Experiment(ABC):
         options of such a study that choose which trials there are, in addition to those of every study
     presenting : tuple of str
         options of such a study that only choose what is made of its rows
+    picture : str
+        file stem of the picture that stands for a study where there is room for one
     has_scenes : bool
         whether its page has a viewer of surfaces: see `scenes`
     """
@@ -97,6 +99,7 @@ class Experiment(ABC):
     gathers: ClassVar[bool] = False
     selecting: ClassVar[tuple[str, ...]] = ()
     presenting: ClassVar[tuple[str, ...]] = ()
+    picture: ClassVar[str] = "gallery"
     has_scenes: ClassVar[bool] = False
 
     @abstractmethod

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from studies.columns import MISSING, is_missing
 from studies.figures.charts import (
+    CHANGE,
     WIDE_RANGE,
     Axis,
     Chart,
@@ -41,15 +42,18 @@ def charts(scores: Scores, parts: Mapping[str, Part], title: str) -> dict[str, C
     title : str
         of all charts
     """
-    titles = {
-        name: parts[name].title if name in parts else name.replace("_", " ").capitalize() for name in scores.parts
-    }
+    titles = titles_of(scores, parts)
     found = {"curves": curves(scores, parts, titles, title), "heat_map": heat_map(scores, titles, title)}
     if not scores.board["mce"].isna().all():
         found["ranks"] = ranks(scores, title)
         if not scores.board["rand_original"].isna().all():
             found["scatter"] = scatter(scores, title)
     return found
+
+
+def titles_of(scores: Scores, parts: Mapping[str, Part]) -> dict[str, str]:
+    """The titles of the perturbations that were run, by their names."""
+    return {name: parts[name].title if name in parts else name.replace("_", " ").capitalize() for name in scores.parts}
 
 
 def heat_map(scores: Scores, titles: Mapping[str, str], title: str) -> Chart:
@@ -66,7 +70,7 @@ def heat_map(scores: Scores, titles: Mapping[str, str], title: str) -> Chart:
         values=values,
         marked=marked,
         first_apart=len(scores.counting),
-        label="Change Percentage",
+        label=CHANGE,
     )
     failed = "; corner: some trials failed, and count 200" if marked else ""
     missing = "; grey: not run" if any(value is None for row in values for value in row) else ""
@@ -136,7 +140,7 @@ def curves(scores: Scores, parts: Mapping[str, Part], titles: Mapping[str, str],
         panels.append(
             Panel(
                 Axis("strength" if i >= len(scores.parts) - PANELS_PER_ROW else "", ticks=strengths),
-                Axis("CP" if i % PANELS_PER_ROW == 0 else "", from_zero=True),
+                Axis("CP (%)" if i % PANELS_PER_ROW == 0 else "", from_zero=True),
                 title=titles[part],
                 series=tuple(
                     Series(

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from studies import storage
+from studies.columns import MISSING
 from studies.planning.titles import full_title
 from studies.reporting.publication import Publication
 from studies.reporting.results import CONFIG_FILE, Results
 from studies.reporting.sweeps import Sweep
 from studies.reporting.text import count_of, markdown_of, markdown_table
-from studies.storage.folders import PUBLISHED_FILE
+from studies.storage.folders import PUBLISHED_FILE, REPORT_FILE
 from studies.storage.identity import short_digest
 
 HEADINGS = ("section", "claim", "paper", "ours", "95 % interval", "verdict", "study")
 MOST_NAMED_MODELS = 12  # whose names are all on the page
+MOST_RANGES = 20  # of models whose names are numbers
 
 
 def study_folders(results: Path) -> list[Path]:
@@ -57,14 +60,17 @@ def page(studies: Sequence[Results], root: Path, sweeps: Sequence[Sweep] = ()) -
     lines = ["# Results", "", *introduction(publication, root)]
     if publication:
         lines += ["", *_claims(studies, publication, root)]
+    headings = headings_of(studies, root)
+    told: dict[str, Results] = {}
     shown: set[Path] = set()
-    for study in studies:
+    # A study of all methods is what most readers look for.
+    for study in sorted(studies, key=lambda study: not study.experiment.gathers):
         for sweep in sweeps:
             if study.folder in sweep.folders and sweep.file("") not in shown:
                 shown.add(sweep.file(""))
                 lines += ["", *_sweep_lines(sweep, root)]
-        lines += ["", *_study_lines(study, root, headings_of(studies, root)[study.folder], publication)]
-    return "\n".join(lines) + "\n"
+        lines += ["", *_study_lines(study, root, headings[study.folder], publication, told)]
+    return "\n".join([*lines, *_notes(studies, root)]) + "\n"
 
 
 def introduction(publication: Publication | None, root: Path) -> list[str]:
@@ -103,31 +109,65 @@ def _claims(studies: Sequence[Results], publication: Publication, root: Path) ->
         remark = publication.remark(study.name, study.rows)
         if remark and any(claim.verdict == "worse" for claim in claims):
             remarks.append(f"- **{study.base_title}** (section {section}): {remark}")
-    lines = markdown_table(HEADINGS, rows)
+    lines = [_verdicts(rows), "", *markdown_table(HEADINGS, rows)] if rows else []
     return [*lines, "", "Where ours is worse:", "", *remarks] if remarks else lines
 
 
-def _study_lines(study: Results, root: Path, heading: str, publication: Publication | None) -> list[str]:
-    """One study: what it is and amounts to, its table, its pictures, and the commands that make them."""
+def _verdicts(rows: Sequence[Sequence[str]]) -> str:
+    """How many of the published values are the same, better or worse."""
+    verdicts = Counter(row[HEADINGS.index("verdict")].strip("*") for row in rows)
+    verdicts.pop(MISSING, None)
+    named = [f"{n} {verdict}" for verdict, n in verdicts.most_common()]
+    return f"Of {count_of(verdicts.total(), 'published value')}: {', '.join(named)}." if named else ""
+
+
+def _study_lines(
+    study: Results, root: Path, heading: str, publication: Publication | None, told: dict[str, Results]
+) -> list[str]:
+    """One study: what it is and amounts to, its table, one picture, and where the rest is.
+
+    ``told`` has the models that the page names, and the first study of each of them.
+    """
     folder = study.folder.relative_to(root).as_posix()
     findings = study.experiment.findings(study.rows, publication.argument if publication else None)
-    lines = [
+    picture = _picture(study)
+    return [
         f'<a id="{_anchor(study.folder, root)}"></a>',
         "",
         f"## {heading}",
         "",
-        _summary(study),
+        f"{_summary(study, root, told)} {_link(study, folder)}",
         "",
         *([findings, ""] if findings else []),
-        *markdown_of(study.main_table),
+        *markdown_of(study.main_table.shortened()),
         "",
-        study.main_table.notes,
-        "",
+        *([f"![{heading}: {picture.stem.replace('_', ' ')}](<{folder}/{picture.name}>)", ""] if picture else []),
+        "  \n".join(f"`{command}`" for command in (*study.earlier_commands, study.command) if command),
     ]
-    for picture in sorted(study.folder.glob("*.png")):
-        if not picture.name.startswith(Sweep.PREFIX):
-            lines += [f"![{heading}: {picture.stem.replace('_', ' ')}](<{folder}/{picture.name}>)", ""]
-    return [*lines, "```sh", *filter(None, (*study.earlier_commands, study.command)), "```"]
+
+
+def _link(study: Results, folder: str) -> str:
+    """Where everything about a study is."""
+    has_report = (study.folder / REPORT_FILE).is_file()
+    return f"[Report](<{folder}/{REPORT_FILE}>)." if has_report else f"[All tables](<{folder}/table.md>)."
+
+
+def _picture(study: Results) -> Path | None:
+    """The picture of a study that is on the page: the one that its kind of experiment names, its own chart, or any."""
+    found = {path.stem: path for path in sorted(study.folder.glob("*.png")) if not path.stem.startswith(Sweep.PREFIX)}
+    return found.get(study.experiment.picture) or found.get(study.name) or next(iter(found.values()), None)
+
+
+def _notes(studies: Sequence[Results], root: Path) -> list[str]:
+    """What the tables show, once for all studies of a kind."""
+    studies_of: dict[str, list[str]] = {}
+    for study in studies:
+        if study.main_table.notes:
+            link = f"[{study.base_title}](#{_anchor(study.folder, root)})"
+            studies_of.setdefault(study.main_table.notes, []).append(link)
+    if not studies_of:
+        return []
+    return ["", "**Notes**", "", *(f"- {', '.join(links)}. {notes}" for notes, links in studies_of.items())]
 
 
 def _sweep_lines(sweep: Sweep, root: Path) -> list[str]:
@@ -170,13 +210,17 @@ def _own_options(study: Results, root: Path) -> str:
     return ", ".join(name for name in folders if not name.startswith("segmenter"))
 
 
-def _summary(study: Results) -> str:
-    """What the study is, of how many models, and which."""
+def _summary(study: Results, root: Path, told: dict[str, Results]) -> str:
+    """What the study is, of how many models, and which, unless an earlier one is about the same."""
     section = study.publication.section(study.name, study.rows) if study.publication else ""
     shows = study.publication.shows(study.name, study.rows) if study.publication else ""
     where = f"Section {section}{f', {shows}' if shows else ''}. " if section else _perturbations(study)
     failed = f", {study.failures:,} of which failed" if study.failures else ""
-    return f"{where}{_models(study)} {count_of(len(study.rows), 'trial')}{failed}."
+    models = _models(study)
+    first = told.setdefault(models, study)
+    if first is not study:
+        models = f"The models of [{first.base_title}](#{_anchor(first.folder, root)});"
+    return f"{where}{models} {count_of(len(study.rows), 'trial')}{failed}."
 
 
 def _perturbations(study: Results) -> str:
@@ -204,10 +248,13 @@ def _named(names: Sequence[str]) -> str:
         numbers = sorted(map(int, names))
         starts = [n for i, n in enumerate(numbers) if i == 0 or numbers[i - 1] != n - 1]
         ends = [n for i, n in enumerate(numbers) if i == len(numbers) - 1 or numbers[i + 1] != n + 1]
-        return ", ".join(f"{a}–{b}" if a < b else f"{a}" for a, b in zip(starts, ends, strict=True))
-    if len(names) <= MOST_NAMED_MODELS:
+        names = [f"{a}–{b}" if a < b else f"{a}" for a, b in zip(starts, ends, strict=True)]
+        most = MOST_RANGES
+    else:
+        most = MOST_NAMED_MODELS
+    if len(names) <= most:
         return ", ".join(names)
-    return f"{', '.join(names[: MOST_NAMED_MODELS - 2])} … {names[-1]}"
+    return f"{', '.join(names[: most - 2])} … {names[-1]}"
 
 
 def _anchor(path: Path, root: Path) -> str:

@@ -13,6 +13,7 @@ import yaml
 from studies.columns import Column, Table
 from studies.planning.names import folder_name
 from studies.planning.titles import full_title
+from studies.reporting.latex import latex
 from studies.reporting.results import Results
 from studies.reporting.text import markdown_page, print_table
 from studies.storage import atomic_write, encodable
@@ -116,6 +117,8 @@ def write_sweep(sweep: Sweep, console: Console) -> None:
     title = f"{sweep.title}, by {' and '.join(sweep.options)}"
     with atomic_write(sweep.file(".md")) as path:
         path.write_text(encodable(markdown_page(title, table)), "utf-8")
+    with atomic_write(sweep.file(".tex")) as path:
+        path.write_text(encodable(latex(table, title)), "utf-8")
     chart = charts.swept_curve(table, sweep.options, title)
     if chart is not None:
         drawing.save(drawing.draw(chart), sweep.file(".png"))

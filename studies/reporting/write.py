@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from studies.execution import TaskFailedError, map_ordered
 from studies.execution.interruption import reason
+from studies.reporting.latex import latex
 from studies.reporting.results import CONFIG_FILE, PROVENANCE_FILE, Results
 from studies.reporting.text import markdown_page, print_table
 from studies.storage import TABLE_FILE, atomic_write, encodable
@@ -44,6 +45,10 @@ def write_tables(results: Results, console: Console, *, rows: bool = True) -> No
     for name, table in tables.items():
         with atomic_write(folder / f"{name}.csv") as path:
             table.frame.to_csv(path, index=False, float_format="%.6g")
+        if table.shortened().visible():
+            title = results.title if table is results.main_table else f"{results.title}: {table.title.lower()}"
+            with atomic_write(folder / f"{name}.tex") as path:
+                path.write_text(encodable(latex(table, title)), "utf-8")
     with atomic_write(folder / "table.md") as path:
         path.write_text(encodable(markdown_page(results.title, *tables.values())), "utf-8")
     for name, text in results.experiment.files(tables, results.rows, results.title).items():

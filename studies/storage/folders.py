@@ -9,6 +9,8 @@ ROWS_FILE = "trials.jsonl"  # one row per line, appended as it is made
 TABLE_FILE = "trials.parquet"  # the rows of the last plan, in its order
 PLAN_FILE = "planned.txt"  # one trial_id per line, in the order of the last plan
 LOCK_FILE = "trials.lock"  # locked by the process that writes to the folder
+REPORT_FILE = "report.html"  # the page of a study
+INDEX_FILE = "index.html"  # the page of all studies
 LABELS_FOLDER = "labels"  # arrays of single trials
 
 # A folder of results that contains this file, whose text is on the page of the results, is written to only by a command

@@ -76,6 +76,8 @@ def lock_holder(folder: Path) -> str | None:
         lock.acquire(timeout=LOCK_TIMEOUT_SECONDS / 5)
     except Timeout:
         return _read(holder)
+    except OSError:  # the folder is read-only here
+        return None
     lock.release()
     return None  # a process that was killed left the file
 

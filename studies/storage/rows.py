@@ -253,13 +253,19 @@ def parse_rows(path: Path) -> Iterator[dict[str, Any] | None]:
     if not path.exists():
         return
     with path.open("rb") as file:
-        for line in file:
-            try:
-                row = json.loads(line)
-            except (ValueError, RecursionError):
-                row = None
-            # Rows of earlier versions may have text that no table can hold.
-            yield (_encodable(row) if b"\\ud" in line.lower() else row) if _is_row(row) else None
+        yield from map(parse_line, file)
+
+
+def parse_line(line: bytes) -> dict[str, Any] | None:
+    """The row of a line; None if it is damaged."""
+    try:
+        row = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    if not _is_row(row):
+        return None
+    # Rows of earlier versions may have text that no table can hold.
+    return _encodable(row) if b"\\ud" in line.lower() else row
 
 
 def read_table_columns(path: Path, names: Sequence[str]) -> dict[str, list[Any]]:

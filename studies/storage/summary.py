@@ -2,15 +2,16 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from studies.storage.folders import ROWS_FILE, TABLE_FILE, planned_ids, table_is_current
+from studies.storage.following import FollowedRows
 from studies.storage.locking import lock_holder
-from studies.storage.rows import parse_rows, read_table_columns
+from studies.storage.rows import read_table_columns
 
 TIMINGS = ("seconds_perturb", "seconds_segment")
 
@@ -44,6 +45,70 @@ class FolderSummary:
         """Planned trials without a row."""
         return self.n_planned - self.statuses.total()
 
+    @property
+    def state(self) -> str:
+        """Who is writing to it, or how many trials are to go; "" for a study that is complete."""
+        if self.holder:
+            return f"running: {self.holder}"
+        return f"{self.n_missing:,} to go" if self.n_missing > 0 else ""
+
+
+class Summarizer:
+    """Summarizes a results folder again and again, as its study runs: only rows that are new are read.
+
+    Parameters
+    ----------
+    folder : Path
+    note : callable, optional
+        called with each row that is read, of this plan or an earlier one
+    forget : callable, optional
+        called when rows that were noted no longer count, because the folder has been started afresh
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        note: Callable[[dict[str, Any]], None] | None = None,
+        forget: Callable[[], None] | None = None,
+    ) -> None:
+        self._folder = folder
+        self._on_row = note
+        self._on_restart = forget
+        self._rows: dict[str, tuple[str, float]] = {}
+        self._followed = FollowedRows(folder / ROWS_FILE, self._note, self._forget)
+
+    def summary(self) -> FolderSummary:
+        """The folder as it is now; see `summarize`."""
+        folder = self._folder
+        planned = planned_ids(folder)
+        if table_is_current(folder):
+            statuses, seconds = _read_table(folder / TABLE_FILE)
+        else:
+            self._followed.read()
+            statuses, seconds = self._of_plan(planned)
+        return FolderSummary(
+            n_planned=statuses.total() if planned is None else len(planned),
+            statuses=statuses,
+            seconds=seconds,
+            written=datetime.fromtimestamp(max(_written(folder / ROWS_FILE), _written(folder / TABLE_FILE))),
+            holder=lock_holder(folder),
+        )
+
+    def _of_plan(self, planned: Iterable[str] | None) -> tuple[Counter[str], float]:
+        ids = self._rows if planned is None else dict.fromkeys(planned)
+        rows = [self._rows[trial_id] for trial_id in ids if trial_id in self._rows]
+        return Counter(status for status, _ in rows), math.fsum(seconds for _, seconds in rows)
+
+    def _note(self, row: dict[str, Any]) -> None:
+        self._rows[row["trial_id"]] = row["status"], _seconds(row.get(name) for name in TIMINGS)
+        if self._on_row:
+            self._on_row(row)
+
+    def _forget(self) -> None:
+        self._rows.clear()
+        if self._on_restart:
+            self._on_restart()
+
 
 def summarize(folder: Path) -> FolderSummary:
     """Summarize a results folder.
@@ -55,16 +120,15 @@ def summarize(folder: Path) -> FolderSummary:
     OSError
         If a file cannot be read.
     """
-    planned = planned_ids(folder)
-    statuses, seconds = _read_table(folder / TABLE_FILE) if table_is_current(folder) else _read_rows(folder, planned)
-    paths = [path for path in (folder / ROWS_FILE, folder / TABLE_FILE) if path.exists()]
-    return FolderSummary(
-        n_planned=statuses.total() if planned is None else len(planned),
-        statuses=statuses,
-        seconds=seconds,
-        written=datetime.fromtimestamp(max(path.stat().st_mtime for path in paths)),
-        holder=lock_holder(folder),
-    )
+    return Summarizer(folder).summary()
+
+
+def _written(path: Path) -> float:
+    """When a file was last written, in seconds; 0 if there is none."""
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:
+        return 0.0
 
 
 def _read_table(path: Path) -> tuple[Counter[str], float]:
@@ -73,15 +137,6 @@ def _read_table(path: Path) -> tuple[Counter[str], float]:
         raise ValueError(f"{path}: not a table of trials: it has no column status")
     seconds = math.fsum(_seconds(columns[name]) for name in TIMINGS if name in columns)
     return Counter(columns["status"]), seconds
-
-
-def _read_rows(folder: Path, planned: Iterable[str] | None) -> tuple[Counter[str], float]:
-    rows: dict[str, tuple[str, float]] = {}
-    wanted = None if planned is None else set(planned)
-    for row in parse_rows(folder / ROWS_FILE):
-        if row is not None and (wanted is None or row["trial_id"] in wanted):
-            rows[row["trial_id"]] = row["status"], _seconds(row.get(name) for name in TIMINGS)
-    return Counter(status for status, _ in rows.values()), math.fsum(seconds for _, seconds in rows.values())
 
 
 def _seconds(values: Iterable[Any]) -> float:

@@ -604,7 +604,7 @@ def chart(results):
     stages = [series(label, "ours", stage, group) for stage, (label, group) in STAGE_NAMES.items()]
     panels = (
         panel("Time", "CPU seconds, one thread", against_alternatives("seconds")),
-        panel("Time of each step", "", [series("heatwalk.segment", "ours", "seconds", 0), *stages]),
+        panel("Time of each step", "CPU seconds", [series("heatwalk.segment", "ours", "seconds", 0), *stages]),
         panel("Peak memory", "GB", against_alternatives("peak_bytes")),
     )
     return Chart("Time and memory by the number of vertices", panels, subtitle="all axes are logarithmic")

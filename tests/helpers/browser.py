@@ -27,3 +27,19 @@ def browser():
             yield started
         finally:
             started.close()
+
+
+def open_page(started, address, **options):
+    """A page in a context of its own, and a list of what it complains about."""
+    page = started.new_context(**options).new_page()
+    page.set_default_timeout(1000 * SECONDS)
+    complaints = []
+
+    def note(message):
+        if message.type == "error":
+            complaints.append(message.text)
+
+    page.on("console", note)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(address)
+    return page, complaints

@@ -117,6 +117,7 @@ class Leaderboard(Experiment):
     gathers: ClassVar[bool] = True
     selecting: ClassVar[tuple[str, ...]] = ("segmenters", "segmenter", "perturbations", "models_per_category")
     presenting: ClassVar[tuple[str, ...]] = ("controls", "relative_to")
+    picture: ClassVar[str] = "scatter"
 
     def __post_init__(self) -> None:
         if self.models_per_category is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from collections.abc import Mapping
@@ -9,14 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from studies.columns import Table, is_missing
 from studies.experiments.leaderboard.cards import Card, cards_of
+from studies.reporting.latex import latex
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_SPECIAL = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
-    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--",
-}  # fmt: skip
 _YES_OR_NO = ("baseline", "pareto")
 # The columns that fit on a page.
 _IN_LATEX = (
@@ -35,62 +33,8 @@ _NAMES = ("method", "segmenter")
 
 def board_for_latex(table: Table, title: str) -> str:
     """The columns of the board that fit on a page, for LaTeX."""
-    return latex(table.replace(columns=[column for column in table.columns if column.name in _IN_LATEX]), title)
-
-
-def latex(table: Table, title: str) -> str:
-    r"""A table for LaTeX with the package booktabs: words to the left, numbers to the right.
-
-    Parameters
-    ----------
-    table : Table
-    title : str
-        the caption
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from studies.columns import Column
-    >>> share = Column(name="share", heading="failed %", format=".1f")
-    >>> text = latex(Table("table", pd.DataFrame({"share": [0.5]}), (share,)), "50 % of all")
-    >>> print(*text.splitlines()[2:7], sep="\n")
-    \caption{50 \% of all}
-    \begin{tabular}{r}
-    \toprule
-    failed \% \\
-    \midrule
-    """
-    columns = table.visible()
-    alignment = "".join("l" if column.dtype == "string" else "r" for column in columns)
-    lines = [
-        r"% needs \usepackage{booktabs}",
-        r"\begin{table}",
-        rf"\caption{{{escaped(title)}}}",
-        rf"\begin{{tabular}}{{{alignment}}}",
-        r"\toprule",
-        _line([column.title for column in columns]),
-        r"\midrule",
-        *(_line(cells) for cells in table.cells()),
-        r"\bottomrule",
-        r"\end{tabular}",
-        r"\end{table}",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def escaped(text: str) -> str:
-    r"""Text with the characters that are special in LaTeX escaped.
-
-    Examples
-    --------
-    >>> print(escaped("95 % of my_method"))
-    95 \% of my\_method
-    """
-    return "".join(_SPECIAL.get(letter, letter) for letter in text)
-
-
-def _line(cells: list[str]) -> str:
-    return " & ".join(map(escaped, cells)) + r" \\"
+    columns = [dataclasses.replace(each, compact=True) for each in table.columns if each.name in _IN_LATEX]
+    return latex(table.replace(columns=columns), title)
 
 
 def as_json(tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> str:

@@ -89,6 +89,11 @@ class Scores:
         """How many trials are not compared, because fewer than half of the methods have them."""
         return len(self._rows) - len(self._counted)
 
+    @property
+    def compared(self) -> pd.DataFrame:
+        """The trials that are compared."""
+        return self._counted
+
     @cached_property
     def unmade_variants(self) -> list[tuple[str, float, str]]:
         """Part, strength and model of the variants that their perturbation could not make."""

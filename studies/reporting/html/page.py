@@ -15,12 +15,11 @@ from studies.columns import Table, is_missing
 from studies.reporting.html.packing import PackedScenes, palette, read_packed
 from studies.reporting.html.svg import Drawing, Entry
 from studies.storage import atomic_write, encodable
+from studies.storage.folders import INDEX_FILE as INDEX_FILE
+from studies.storage.folders import REPORT_FILE as REPORT_FILE
 
 if TYPE_CHECKING:
     import jinja2
-
-REPORT_FILE = "report.html"
-INDEX_FILE = "index.html"
 
 PICTURE_WIDTH = 1600  # pixels; wider pictures are made smaller
 PICTURE_QUALITY = 80
@@ -50,10 +49,19 @@ class Heading:
 
 @dataclass(frozen=True)
 class Block:
-    """A part of a page, with a heading of its own unless it is empty."""
+    """A part of a page, with a heading of its own unless it is empty.
+
+    Attributes
+    ----------
+    kind : str
+        the macro of the template that draws it
+    assets : str
+        name, without its suffix, of the style and the script that it needs, "" if those of every page are enough
+    """
 
     heading: str = ""
     kind: ClassVar[str] = ""
+    assets: ClassVar[str] = ""
 
 
 @dataclass(frozen=True)
@@ -223,12 +231,13 @@ class Page:
         >>> "<h1>a &lt; b</h1>" in Page("a < b").html()
         True
         """
+        assets = dict.fromkeys(block.assets for block in self.blocks if block.assets)
         return _environment().get_template("page.html.j2").render(
             page=self,
             scenes=dict(self.scenes.values) if self.scenes else None,
             palette=palette(),
-            style=_static("page.css"),
-            scripts=[_static(name) for name in ("page.js", *(["viewer.js"] if self.scenes else []))],
+            style="".join(_static(f"{name}.css") for name in ("page", *assets)),
+            scripts=[_static(f"{name}.js") for name in ("page", *(["viewer"] if self.scenes else []), *assets)],
         )  # fmt: skip
 
     def write(self, path: Path) -> None:

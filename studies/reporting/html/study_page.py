@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from studies.columns import Column, Table, is_missing
+from studies.reporting.html.board_page import board_blocks, board_table, methods_block
 from studies.reporting.html.packing import PackedScenes
 from studies.reporting.html.page import (
     INDEX_FILE,
@@ -63,16 +64,20 @@ def study_page(
     others : sequence of Block
         what a kind of study adds, after its tables
     """
+    from studies.experiments.leaderboard import Leaderboard
+
     rows = results.rows
     numbers = scenes.numbers if scenes else {}
+    is_board = isinstance(results.experiment, Leaderboard)
     charts = results.experiment.charts(results.name, results.report_tables, rows, results.title)
     blocks = [
         _facts(results),
         *_findings(results),
         *_claims(results),
-        TableBlock.of(results.main_table, "Results"),
-        *_charts(results, charts, numbers),
+        board_table(results) if is_board else TableBlock.of(results.main_table, "Results"),
+        *(board_blocks(results, charts, numbers) if is_board else _charts(results, charts, numbers)),
         *_viewer(results, scenes),
+        *([methods_block(results)] if is_board else []),
         *_worst(rows, numbers),
         *_failures(rows),
         *_by_model(rows),

@@ -24,7 +24,6 @@ from studies.figures.charts import (
     Matrix,
     Number,
     Panel,
-    Points,
     Scatter,
     Series,
     logarithmic_ticks,
@@ -36,12 +35,15 @@ LINES = 4
 FAR = 3.0  # how many times larger than what is drawn as a line single trials are where the axis is compressed
 ROOT_TICKS = (0, 1, 5, 10, 25, 50, 100, 150, 200)
 WIDTH, HEIGHT = 520, 320  # of a panel, in its own units
+SCATTER = (760, 480)  # width and height of a panel with named points
 LEFT, RIGHT, TOP, BOTTOM = 58, 14, 12, 46
 CHARACTER = 7.4  # mean width of a character
+NAME_CHARACTER = 6.0  # the same of names of points, which are smaller
 ROW = 19  # height of a row of dots or cells
 LONGEST_NAME = 28  # characters
 JITTER = 0.012  # of the width, by which points at the same place are moved apart
 GOLDEN = 0.6180339887498949
+CLOSEST_TICKS = 0.09  # share of an axis by square roots
 CAP = 3  # half the length of the bar at the end of an interval
 DARK = 0.55  # share of the range of colours below which a number in a cell is white
 
@@ -176,6 +178,29 @@ class _Scale:
         return [float(f"{k * step:.12g}") for k in range(first, last + 1)]
 
 
+class _RootScale(_Scale):
+    """By square roots: values near 0 are told apart although a few are large."""
+
+    def _to(self, value: float) -> float:
+        return math.sqrt(max(value, 0.0))
+
+    def _from(self, value: float) -> float:
+        return max(value, 0.0) ** 2
+
+    def _own_ticks(self) -> list[float]:
+        span = self._to(self.high) - self._to(self.low)
+        kept: list[float] = []
+        for power in range(3, -4, -1):
+            for digit in (5, 2, 1):
+                tick = float(f"{digit}e{power}")
+                apart = not kept or self._to(kept[-1]) - self._to(tick) >= CLOSEST_TICKS * span
+                if self.low <= tick <= self.high and apart:
+                    kept.append(tick)
+        if self.low > 0:
+            return kept[::-1]
+        return [0.0, *(tick for tick in reversed(kept) if self._to(tick) >= CLOSEST_TICKS * span)]
+
+
 def _panel(panel: Panel, marks: Sequence[Mark]) -> Drawing:
     """Series, bands, spans and bars."""
     if panel.x.categories:
@@ -220,9 +245,11 @@ def _panel(panel: Panel, marks: Sequence[Mark]) -> Drawing:
     return Drawing(panel.title, _svg(parts, panel.title or panel.y.label), _legend(panel))
 
 
-def _frame(panel: Panel, x: _Scale, y: _Scale, labels: Sequence[tuple[float, str]]) -> Iterator[str]:
+def _frame(
+    panel: Panel, x: _Scale, y: _Scale, labels: Sequence[tuple[float, str]], width: int = WIDTH, height: int = HEIGHT
+) -> Iterator[str]:
     """Grid, axes and their labels."""
-    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
+    bottom, right = height - BOTTOM, width - RIGHT
     for tick in y.ticks:
         yield f'<line class="grid" x1="{LEFT}" x2="{right}" y1="{_n(y(tick))}" y2="{_n(y(tick))}"/>'
         yield f'<text class="tick" x="{LEFT - 6}" y="{_n(y(tick) + 4)}" text-anchor="end">{tick:g}</text>'
@@ -235,7 +262,7 @@ def _frame(panel: Panel, x: _Scale, y: _Scale, labels: Sequence[tuple[float, str
             end = place + half + 4
     yield f'<path class="axis" d="M{LEFT} {TOP}V{bottom}H{right}"/>'
     across = panel.x.label.replace("\n", " ")
-    yield f'<text class="label" x="{(LEFT + right) / 2}" y="{HEIGHT - 8}" text-anchor="middle">{escape(across)}</text>'
+    yield f'<text class="label" x="{(LEFT + right) / 2}" y="{height - 8}" text-anchor="middle">{escape(across)}</text>'
     middle = (TOP + bottom) / 2
     yield (
         f'<text class="label" transform="translate(14 {middle}) rotate(-90)" text-anchor="middle">'
@@ -361,7 +388,7 @@ def _cells(
     left = 12 + max((len(name) for name in names), default=0) * CHARACTER
     across = max(30.0, (WIDTH - left - RIGHT) / max(len(columns), 1)) if len(columns) < 14 else 34.0
     head = 16 + CHARACTER * max((len(_shortened(name)) for name in columns), default=0) * 0.86
-    width = max(left + across * len(columns) + RIGHT, 200)
+    width = max(left + across * len(columns) + max(RIGHT, head / 2), 200)  # the last heading leans to the right
     colours = colormaps[FIELD_COLOURS]
     corners = set(marked)
     parts = []
@@ -399,31 +426,55 @@ def _cells(
 
 
 def _scatter(scatter: Scatter) -> Drawing:
-    """Named points and the line through the best of them."""
-    x = _Scale([value for each in scatter.points for value in each.x], scatter.x, LEFT, WIDTH - RIGHT)
-    y = _Scale([value for each in scatter.points for value in each.y], scatter.y, HEIGHT - BOTTOM, TOP)
+    """Named points and the line through the best of them; names that would cover others are shown on hover alone."""
+    width, height = SCATTER
+    x = _RootScale([value for each in scatter.points for value in each.x], scatter.x, LEFT, width - RIGHT)
+    y = _RootScale([value for each in scatter.points for value in each.y], scatter.y, height - BOTTOM, TOP)
     labels = [(x(tick), f"{tick:g}") for tick in x.ticks]
-    parts = list(_frame(Panel(scatter.x, scatter.y), x, y, labels))
+    parts = list(_frame(Panel(scatter.x, scatter.y), x, y, labels, width, height))
     if scatter.front:
         parts.append(
             f'<polyline class="front" points="{" ".join(f"{_n(x(a))},{_n(y(b))}" for a, b in scatter.front)}"/>'
         )
     legend = []
     for i, points in enumerate(scatter.points):
-        legend.append(Entry(_style(f"point {points.role}", i), points.label))
-        parts += _named_points(points, i, x, y)
-    return Drawing("", _svg(parts, f"{scatter.y.label} by {scatter.x.label}"), tuple(legend))
+        style = _style(f"point {points.role}", i)
+        legend.append(Entry(style, points.label))
+        for name, across, up in zip(points.names, points.x, points.y, strict=True):
+            tip = _tip(f"{name}: {across:.4g}, {up:.4g}")
+            parts.append(f'<circle class="{style}" cx="{_n(x(across))}" cy="{_n(y(up))}" r="4.5"{tip}/>')
+    parts += _names(scatter, x, y)
+    label = f"{scatter.y.label} by {scatter.x.label}"
+    return Drawing("", _svg(parts, label, width, height), tuple(legend), wide=True)
 
 
-def _named_points(points: Points, group: int, x: _Scale, y: _Scale) -> Iterator[str]:
-    for name, across, up in zip(points.names, points.x, points.y, strict=True):
-        at, height = x(across), y(up)
-        style = _style(f"point {points.role}", group)
-        left = at > WIDTH * 0.72
-        place = f'x="{_n(at - 7 if left else at + 7)}" y="{_n(height + 4)}" text-anchor="{"end" if left else "start"}"'
-        tip = _tip(f"{name}: {across:.4g}, {up:.4g}")
-        yield f'<circle class="{style}" cx="{_n(at)}" cy="{_n(height)}" r="4.5"{tip}/>'
-        yield f'<text class="name" {place}>{escape(_shortened(name))}</text>'
+def _names(scatter: Scatter, x: _Scale, y: _Scale) -> Iterator[str]:
+    """The names of points, each beside, above or below its own and apart from all else."""
+    named = [
+        (name, x(across), y(up))
+        for points in scatter.points
+        for name, across, up in zip(points.names, points.x, points.y, strict=True)
+    ]
+    taken = [(at - 5, height - 5, at + 5, height + 5) for _, at, height in named]
+    for name, at, height in named:
+        shown = _shortened(name)
+        length = len(shown) * NAME_CHARACTER
+        for left, baseline in (
+            (at + 8, height + 4), (at - 8 - length, height + 4), (at - length / 2, height - 8),
+            (at - length / 2, height + 17), (at + 6, height - 6), (at + 6, height + 15),
+            (at - 6 - length, height - 6), (at - 6 - length, height + 15),
+        ):  # fmt: skip
+            box = (left, baseline - 10, left + length, baseline + 2)
+            inside = box[0] > LEFT and box[2] < SCATTER[0] - RIGHT and box[1] > 0 and box[3] < SCATTER[1] - BOTTOM
+            if inside and not any(_overlap(box, other) for other in taken):
+                taken.append(box)
+                yield f'<text class="name" x="{_n(left)}" y="{_n(baseline)}">{escape(shown)}</text>'
+                break
+
+
+def _overlap(a: Sequence[float], b: Sequence[float]) -> bool:
+    """Whether two boxes (left, top, right, bottom) have a point in common."""
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def _legend(panel: Panel) -> tuple[Entry, ...]:

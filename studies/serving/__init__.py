@@ -1,0 +1,1 @@
+"""Results in a browser, over HTTP on this machine alone, and live while a study runs."""
