@@ -34,9 +34,7 @@ mesh files: OFF, OBJ, PLY, STL, glTF (.glb, .gltf), 3MF, VTK (.vtk, .vtp, .vtu) 
 # looked for only where no command of this module is typed, since that takes longer than all else before a mesh is read.
 _ADDED = "heatwalk.commands"
 
-_INSTALL_AGAIN = (
-    "an installation that is older than a command has to be repeated to have it, as by pip install -e ."
-)
+_INSTALL_AGAIN = "an installation that is older than a command has to be repeated to have it, as by pip install -e ."
 
 # Rows of the table of segments, the largest first: symmetric shapes can have hundreds.
 _MAX_ROWS = 20

@@ -48,8 +48,8 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     command = commands.add_parser(
         "view",
         help="show the mesh, its segments over time and a perturbed variant in the browser",
-        description="Show a mesh in the browser: its segments at twenty times around --time, the functions that lead to\n"
-        "them, and beside it a perturbed variant, or the segments of the robust variant of the method.",
+        description="Show a mesh in the browser: its segments at twenty times around --time, the functions that lead\n"
+        "to them, and beside it a perturbed variant, or the segments of the robust variant of the method.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -232,7 +232,9 @@ def _label(arguments: argparse.Namespace) -> str:
     return f"{arguments.perturbation.replace('_', ' ')} {arguments.amount:g}"
 
 
-def _facts(arguments: argparse.Namespace, mesh: LoadedMesh, variant: Sequence[np.ndarray] | None) -> list[tuple[str, str]]:
+def _facts(
+    arguments: argparse.Namespace, mesh: LoadedMesh, variant: Sequence[np.ndarray] | None
+) -> list[tuple[str, str]]:
     """What is shown, in words."""
     import heatwalk
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from heatwalk import Segmentation, segment_at_times
-from heatwalk.dissipators import divergence_from_uniform
 from heatwalk.robust.segmentation import RobustSegmentation, segment_robust_at_times
 from studies.figures.colours import BACKGROUND, match_colours
 from studies.figures.scenes import Field, Reduced, Scene, Surface, Viewport, reduce_mesh
@@ -20,7 +19,7 @@ BEFORE = 10  # how many of them are shorter than the time that was asked for
 PER_OCTAVE = 5
 
 MOST_FACES = 30000  # of a surface: a page with four of them has less than 15 MB
-MOST_DIVERGENCES = 6000  # vertices of a mesh up to which the two divergences are shown: they take O(n²) time
+MOST_DIVERGENCES = 5000  # vertices of a mesh up to which the two divergences are shown: they take O(n²) time
 
 HKS = "heat kernel signature"
 TEST = "dissipator test"
@@ -35,7 +34,7 @@ UNITS = {
     FROM_REGION: "nats",
     MARGIN: "0: another label ties with this one",
 }
-ENDS = (1, 99)  # percentiles of a function on the first surface at the ends of the colours
+ENDS = (5, 95)  # percentiles of a function on the first surface at the ends of the colours
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +100,9 @@ def times_around(time: float) -> list[float]:
     return [float(f"{time * 2**step:.3g}") if step else float(time) for step in steps]
 
 
-def displayed(vertices: np.ndarray, faces: np.ndarray, most_faces: int = MOST_FACES) -> tuple[Reduced, Surface]:
+def displayed(vertices: np.ndarray, faces: np.ndarray) -> tuple[Reduced, Surface]:
     """A mesh as it is displayed."""
-    reduced = reduce_mesh(vertices, faces, most_faces)
+    reduced = reduce_mesh(vertices, faces, MOST_FACES)
     return reduced, reduced.surface(np.asarray(vertices, np.float64))
 
 
@@ -113,7 +112,6 @@ def segmentations(
     times: Sequence[float],
     shown: np.ndarray,
     robust: bool = False,
-    progress: Callable[[], None] = lambda: None,
 ) -> list[AtTime]:
     """Segmentations at several times, from a single spectrum.
 
@@ -127,8 +125,6 @@ def segmentations(
         vertices at which functions are wanted
     robust : bool
         whether those of `heatwalk.segment_robust` instead of `heatwalk.segment`
-    progress : callable
-        called after each time
 
     Returns
     -------
@@ -148,11 +144,7 @@ def segmentations(
     (True, (5,))
     """
     at_times: Iterator[Segmentation] = (segment_robust_at_times if robust else segment_at_times)(vertices, faces, times)
-    made = []
-    for segmentation in at_times:
-        made.append(_at_time(segmentation, shown))
-        progress()
-    return made
+    return [_at_time(segmentation, shown) for segmentation in at_times]
 
 
 def _at_time(segmentation: Segmentation, shown: np.ndarray) -> AtTime:
@@ -165,20 +157,11 @@ def _at_time(segmentation: Segmentation, shown: np.ndarray) -> AtTime:
         TEST: excess,
     }
     if len(segmentation.labels) <= MOST_DIVERGENCES:
-        fields[FROM_UNIFORM] = _divergence_from_uniform(segmentation)[shown]
+        fields[FROM_UNIFORM] = segmentation.divergence_from_uniform[shown]
         fields[FROM_REGION] = fields[FROM_UNIFORM] + excess
     labels = np.where(segmentation.dissipates, BACKGROUND, segmentation.labels).astype(np.int32)
     is_robust = isinstance(segmentation, RobustSegmentation)
     return AtTime(labels, segmentation.n_segments, fields, segmentation.time if is_robust else None)
-
-
-def _divergence_from_uniform(segmentation: Segmentation) -> np.ndarray:
-    """`Segmentation.divergence_from_uniform` with single precision, which is five times as fast, and enough to look at."""
-    kernel = replace(segmentation.kernel, factor=segmentation.kernel.factor.astype(np.float32))
-    # The robust variant integrates over the surface.
-    is_robust = isinstance(segmentation, RobustSegmentation)
-    weights = kernel.mass.astype(np.float32) if is_robust else np.ones(len(kernel.mass), np.float32)
-    return divergence_from_uniform(kernel, weights)
 
 
 def scenes_by_time(times: Sequence[float], sides: Sequence[Side], first: int = BEFORE) -> list[Scene]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from studies.figures.charts import Axis, Chart, Panel, Series
 from studies.figures.scenes import Scene
-from studies.figures.time_scenes import FROM_REGION, TEST, Side, scenes_by_time
+from studies.figures.time_scenes import FROM_REGION, MOST_DIVERGENCES, Side, scenes_by_time
 from studies.reporting.html.packing import pack
 from studies.reporting.html.page import Cell, ChartBlock, Facts, Heading, Page, TableBlock, Text, ViewerBlock
 from studies.reporting.html.svg import drawings
@@ -52,24 +52,24 @@ def mesh_page(
 def _explanations(sides: Sequence[Side]) -> list[str]:
     """How to read the viewer."""
     lines = [
-        "A part keeps its colour over time and on both sides; the dissipator region is grey. The time is how long heat "
-        "flows, in the unit of the paper, in which its experiments use 1.",
+        f"A part keeps its colour over time{' and on both sides' if len(sides) > 1 else ''}; the dissipator region is "
+        "grey. The time is how long heat flows, in the unit of the paper, in which its experiments use 1.",
     ]
     if any(side.compared for side in sides):
         lines.append(
             "CP, the Change Percentage, is twice the share of points that must change their segment to turn one "
             "segmentation into the other; “what changed” shows where they are."
         )
-    shown = sides[0].at_times[0].fields
-    if TEST in shown:
+    lines.append(
+        "“colours” shows a function instead of the segments. The ends of its scale are the 5th and the 95th percentile "
+        "of the first surface; values beyond have the colour of the end. A vertex is in the dissipator region where "
+        "the dissipator test is above 0 (red): its heat is then nearer to the uniform density than to the mean one of "
+        "its region."
+    )
+    if not any(FROM_REGION in side.at_times[0].fields for side in sides):
         lines.append(
-            "“colours” shows a function instead of the segments. The ends of its colours are percentiles of the first "
-            "surface; values beyond have the colour of the end. A vertex is in the dissipator region where the dissipator test is "
-            "above 0 (red): the heat of the vertex is then nearer to the uniform density than to the mean one of its "
-            "region."
+            f"The two divergences that the test compares are shown of meshes with up to {MOST_DIVERGENCES:,} vertices."
         )
-    if FROM_REGION not in shown:
-        lines.append("The two divergences that the test compares are shown of meshes with up to 6,000 vertices.")
     return lines
 
 
@@ -88,7 +88,10 @@ def _chart(times: Sequence[float], sides: Sequence[Side]) -> Chart:
 
 def _table(scenes: Sequence[Scene], sides: Sequence[Side]) -> TableBlock:
     """What each viewport says, by time; a click shows it."""
-    headings = [Heading("time", "Show this time in the viewer.", number=True), *(Heading(_name(side)) for side in sides)]
+    headings = [
+        Heading("time", "Show this time in the viewer.", number=True),
+        *(Heading(_name(side)) for side in sides),
+    ]
     ascending = sorted(range(len(scenes)), key=lambda i: float(scenes[i].at[SLIDER]))
     rows = [
         [
@@ -97,4 +100,4 @@ def _table(scenes: Sequence[Scene], sides: Sequence[Side]) -> TableBlock:
         ]
         for i in ascending
     ]
-    return TableBlock("", headings, rows)
+    return TableBlock("At each time", headings, rows)
