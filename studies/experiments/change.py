@@ -27,7 +27,7 @@ from studies.experiments.experiment import (
     Experiment,
     by_segmenter,
     frame_of,
-    measured,
+    measured_result,
     note_on_told,
     require_whole_number,
     told_methods,
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from studies.figures.charts import Chart
     from studies.figures.pictures import Picture
     from studies.figures.variant_scenes import VariantScenes
+    from studies.segmenters.segmenter import Labelled
 
 MEASURE = "change_percentage"  # the metric that the tables and curves are about
 SECONDS = ("seconds_perturb", "seconds_segment")
@@ -115,6 +116,7 @@ class Variant:
     seconds_perturb: float
     seconds_segment: float
     peak_memory: float | None = None
+    labelled: Labelled | None = None
 
     def compared(self) -> tuple[np.ndarray, np.ndarray]:
         """Labels of the reference and of the variant at the vertices of the original that still exist."""
@@ -160,10 +162,11 @@ class ChangeTrial(Trial):
         """The perturbed mesh, if it is not ``made`` already, with these labels, or segmented if there are none."""
         original = reference.mesh
         perturbed, seconds_perturb = self.perturbed(original) if made is None else (made, 0.0)
-        seconds_segment, megabytes = 0.0, None
+        seconds_segment, megabytes, labelled = 0.0, None, None
         if labels is None:
             segmenter = reference.segmenter or self.segmenter.for_original(original.vertices, original.faces)
-            labels, seconds_segment, megabytes = measured(segmenter, perturbed.mesh)
+            labelled, seconds_segment, megabytes = measured_result(segmenter, perturbed.mesh)
+            labels = labelled.labels
         return Variant(
             reference,
             perturbed.mesh,
@@ -173,6 +176,7 @@ class ChangeTrial(Trial):
             seconds_perturb,
             seconds_segment,
             megabytes,
+            labelled if self.keep_labels else None,
         )
 
     def perturbed(self, original: trimesh.Trimesh) -> tuple[perturb.Perturbed, float]:
@@ -202,8 +206,13 @@ class ChangeTrial(Trial):
             "peak_memory": variant.peak_memory,
             "applied": json.dumps(variant.applied),
         }
-        kept = {"labels": variant.labels, "reference_labels": reference.labels} if self.keep_labels else {}
-        return values | kept
+        return values | (self._kept(variant) if self.keep_labels else {})
+
+    def _kept(self, variant: Variant) -> dict[str, np.ndarray]:
+        """What the pictures and the page of the study show of this trial."""
+        margin = variant.labelled.margin() if variant.labelled else None
+        kept = {"labels": variant.labels, "reference_labels": variant.reference.labels}
+        return kept if margin is None else {**kept, "margin": margin.astype(np.float32)}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from studies.figures.variant_scenes import VariantScenes
     from studies.metrics.metric import TriangleMesh
     from studies.segmenters import Segmenter
+    from studies.segmenters.segmenter import Labelled
 
     Labels = Callable[[str], Mapping[str, np.ndarray] | None]
 
@@ -197,10 +198,16 @@ def by_segmenter(rows: pd.DataFrame) -> list[str]:
 
 def measured(segmenter: Segmenter, mesh: TriangleMesh) -> tuple[np.ndarray, float, float | None]:
     """The labels of a mesh's vertices, the seconds that segmenting took, and its peak memory in MB."""
+    labelled, seconds, megabytes = measured_result(segmenter, mesh)
+    return labelled.labels, seconds, megabytes
+
+
+def measured_result(segmenter: Segmenter, mesh: TriangleMesh) -> tuple[Labelled, float, float | None]:
+    """As `measured`, with what else the method tells about the labels."""
     start = time.perf_counter()
     with peak_memory() as memory:
-        labels = segmenter(mesh.vertices, mesh.faces)
-    return labels, time.perf_counter() - start, memory.megabytes
+        labelled = segmenter.labelled(mesh.vertices, mesh.faces)
+    return labelled, time.perf_counter() - start, memory.megabytes
 
 
 def told_methods(rows: pd.DataFrame) -> list[str]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from studies.figures.colours import match_colours
+from studies.figures.pictures import label_of
 from studies.figures.scenes import Field, Reduced, Scene, Surface, Viewport, reduce_mesh
 from studies.figures.views import view_of
 from studies.metrics import match_labels
@@ -16,7 +17,9 @@ from studies.metrics import match_labels
 if TYPE_CHECKING:
     import pandas as pd
 
-VERSION = 1  # raise it when a change alters scenes: they are then made again
+MOST_SECONDS = 10.0  # that trials took whose segmentation is not stored, to be computed again for a scene
+
+VERSION = 2  # raise it when a change alters scenes: they are then made again
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -113,11 +116,19 @@ def choose_draws(
     changes = good["change_percentage"].astype(float)
     by_draw: dict[tuple[Any, ...], list[Any]] = {}
     for trial in planned:
+        of_draw = by_draw.setdefault(_draw_of(trial), [])
         if trial.trial_id in changes.index:
-            by_draw.setdefault(_draw_of(trial), []).append(trial)
+            of_draw.append(trial)
+    by_draw = {draw: trials for draw, trials in by_draw.items() if trials}
     highest = {draw: max(changes[trial.trial_id] for trial in trials) for draw, trials in by_draw.items()}
     wanted = dict.fromkeys(_draw_of(trial) for line in chosen for trial in line if trial.trial_id in changes.index)
-    others = sorted((draw for draw in highest if draw not in wanted and highest[draw] > 0), key=lambda d: -highest[d])
+    seconds = good[["seconds_perturb", "seconds_segment"]].sum(axis=1)
+    quick = {
+        draw
+        for draw, trials in by_draw.items()
+        if sum(seconds[trial.trial_id] for trial in trials if labels(trial.trial_id) is None) <= MOST_SECONDS
+    }
+    others = sorted((draw for draw in quick - {*wanted} if highest[draw] > 0), key=lambda draw: -highest[draw])
     wanted |= dict.fromkeys(others[:worst])
     several_parts = len({trial.part for trial in planned}) > 1
     return [
@@ -139,10 +150,10 @@ def _draw(
 ) -> Draw:
     first = trials[0]
     part = {"perturbation": first.part.replace("_", " ")} if several_parts else {}
-    at = {"model": first.model.name, **part, "repeat": first.repeat + 1, "level": first.level}
+    at = {"model": label_of(first.model), **part, "repeat": first.repeat, "level": first.level}
     notes = [f"CP {change:.1f} %" for change in changes]
     level = f"{part['perturbation']} {first.level:g}" if part else f"{first.level:g}"
-    place = f"{first.model.name}, {level}, repeat {first.repeat + 1}"
+    place = f"{label_of(first.model)}, {level}, repeat {first.repeat}"
     worst = int(np.argmax(changes))
     by = f" ({trials[worst].segmenter_name})" if len(trials) > 1 else ""
     return Draw(
@@ -162,12 +173,15 @@ def scenes_of_model(draws: Sequence[Draw]) -> list[Scene]:
     between methods. Meshes are segmented only where labels are not stored.
     """
     references: dict[str, Any] = {}
-    margins: dict[str, np.ndarray | None] = {}
     stored = [(trial, arrays) for draw in draws for trial, arrays in zip(draw.trials, draw.stored, strict=True)]
     for trial, arrays in sorted(stored, key=lambda each: each[1] is None):
         if trial.segmenter_name not in references:
             references[trial.segmenter_name] = trial.reference(None if arrays is None else arrays["reference_labels"])
-            margins[trial.segmenter_name] = None if arrays is None else arrays.get("reference_margin")
+    margins = {
+        trial.segmenter_name: trial.segmenter.labelled(*_arrays(references[trial.segmenter_name].mesh)).margin()
+        for trial in draws[0].trials
+        if trial.segmenter.tells_margin
+    }
     mesh = next(iter(references.values())).mesh
     reduced = reduce_mesh(mesh.vertices, mesh.faces)
     original = reduced.surface(np.asarray(mesh.vertices))
@@ -181,13 +195,25 @@ def scenes_of_model(draws: Sequence[Draw]) -> list[Scene]:
         surface = shown.surface(np.asarray(made.mesh.vertices))
         for trial, arrays, note in zip(draw.trials, draw.stored, draw.notes, strict=True):
             name = trial.segmenter_name
-            variant = trial.variant(references[name], None if arrays is None else arrays["labels"], made)
+            labels = None if arrays is None else arrays["labels"]
+            variant = replace(trial, keep_labels=True).variant(references[name], labels, made)
             viewports += _side_by_side(
                 variant, colours[name], reduced, original, shown, surface, name, note,
-                margins[name], None if arrays is None else arrays.get(MARGIN),
+                margins.get(name), _margin_of(variant, arrays),
             )  # fmt: skip
         scenes.append(Scene(draw.at, viewports, draw.text, draw.value, axes, draw.key))
     return scenes
+
+
+def _arrays(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+
+
+def _margin_of(variant: Any, arrays: Arrays | None) -> np.ndarray | None:
+    """The margin of a variant, as stored or as it was computed now."""
+    if arrays is not None:
+        return arrays.get(MARGIN)
+    return variant.labelled.margin() if variant.labelled else None
 
 
 def _matched_originals(labels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -117,7 +117,7 @@ class HeatWalk:
         heatwalk.MeshError
             If the mesh cannot be segmented.
         """
-        return self._labels(self.segmentation(vertices, faces))
+        return self.labels_in(self.segmentation(vertices, faces))
 
     def segmentation(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> heatwalk.Segmentation:
         """The complete result of `heatwalk.segment`."""
@@ -147,7 +147,7 @@ class HeatWalk:
         -------
         iterator of (n,) int64 array
         """
-        return map(self._labels, self.segmentations(vertices, faces, times))
+        return map(self.labels_in, self.segmentations(vertices, faces, times))
 
     def _options(self) -> dict[str, Any]:
         """The options of `heatwalk.segment` other than the time."""
@@ -157,6 +157,6 @@ class HeatWalk:
             "split_dissipators": self.split_dissipators,
         }
 
-    def _labels(self, result: heatwalk.Segmentation) -> NDArray[np.int64]:
+    def labels_in(self, result: heatwalk.Segmentation) -> NDArray[np.int64]:
         """Labels of the vertices, -1 for the dissipator region unless it is split."""
         return result.labels if self.split_dissipators else np.where(result.dissipates, -1, result.labels)

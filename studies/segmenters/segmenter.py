@@ -20,7 +20,10 @@ from studies.segmenters.heat_walk import HeatWalk
 from studies.segmenters.labels import LABELS_OF, LabelError, labels_at_vertices
 
 if TYPE_CHECKING:
+    import heatwalk
     from studies.datasets import Model
+
+MOST_WITH_MARGIN = 100_000  # vertices
 
 TOLD = "n_segments"  # the argument of methods that are told how many segments to find
 
@@ -31,6 +34,29 @@ _EXAMPLES = {"_target_": "my_package.my_method", "command": "mytool {mesh} {labe
 
 class SegmenterError(ValueError):
     """Options that do not describe a segmenter; the message names the option and shows what to type."""
+
+
+@dataclass(frozen=True, eq=False)
+class Labelled:
+    """The labels of a mesh's vertices, and the complete result of a method that has one.
+
+    Parameters
+    ----------
+    labels : (n,) int64 array
+    segmentation : heatwalk.Segmentation or None
+    """
+
+    labels: NDArray[np.int64]
+    segmentation: heatwalk.Segmentation | None = None
+
+    def margin(self) -> NDArray[np.float64] | None:
+        """How far each label is from another one, from 0 to 1; None where the method does not tell, or would take long.
+
+        See `heatwalk.Segmentation.margin`.
+        """
+        if self.segmentation is None or len(self.labels) > MOST_WITH_MARGIN:
+            return None
+        return self.segmentation.margin
 
 
 @dataclass(frozen=True)
@@ -79,6 +105,11 @@ class Segmenter:
         """Where the method comes from, if it declares that."""
         about = getattr(self.method, "about", None)
         return about if isinstance(about, About) else None
+
+    @property
+    def tells_margin(self) -> bool:
+        """Whether its results have a margin: see `Labelled`."""
+        return isinstance(self.method, HeatWalk) and type(self.method).__call__ is HeatWalk.__call__
 
     def for_model(self, model: Model) -> Segmenter:
         """This segmenter for a model and its variants, told the typical number of segments of the model if it has one.
@@ -143,12 +174,22 @@ class Segmenter:
         Exception
             Whatever the method raises.
         """
+        return self.labelled(vertices, faces).labels
+
+    def labelled(self, vertices: ArrayLike, faces: ArrayLike) -> Labelled:
+        """Labels of the vertices, as from a call, with what else the method tells about them."""
         vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
         told = {TOLD: self.for_original(vertices, faces).n_segments} if self.is_told else {}
+        method = self.method
         # Copies, because a method may modify its arguments.
-        labels = self.method(vertices.copy(), faces.copy(), **told)
+        segmentation = None
+        if self.tells_margin:
+            segmentation = method.segmentation(vertices.copy(), faces.copy())
+            labels: ArrayLike = method.labels_in(segmentation)
+        else:
+            labels = method(vertices.copy(), faces.copy(), **told)
         try:
-            return labels_at_vertices(labels, vertices, faces, self.labels_of)
+            return Labelled(labels_at_vertices(labels, vertices, faces, self.labels_of), segmentation)
         except LabelError as error:
             raise LabelError(f"{self.name} returned {error}") from error
 

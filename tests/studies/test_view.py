@@ -211,7 +211,10 @@ def error_of(capsys):
     ("words", "expected"),
     [
         (["nothing.ply"], "nothing.ply"),
-        (["torus.ply", "--perturbation", "shot_nois"], "there is no perturbation 'shot_nois'.*holes .removed, triangles"),
+        (
+            ["torus.ply", "--perturbation", "shot_nois"],
+            "there is no perturbation 'shot_nois'.*holes .removed, triangles",
+        ),
         (["torus.ply", "--perturbation", "shot_noise", "--amount", "2"], "shot_noise: amount is 2.*at most 1"),
         (["torus.ply", "--perturbation", "holes", "--amount", "999"], "torus.ply: holes"),
         (["torus.ply", "--amount", "2"], "--amount needs --perturbation"),
@@ -268,7 +271,9 @@ def test_help_lists_the_command_and_loads_nothing_large(capsys):
 def test_an_installation_from_before_the_command_says_what_to_do(monkeypatch, capsys):
     monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [])
     assert main(["view", "torus.ply"]) == 2
-    assert re.search(r"no command 'view': choose one of segment, inspect, example;.*pip install -e \.", error_of(capsys))
+    assert re.search(
+        r"no command 'view': choose one of segment, inspect, example;.*pip install -e \.", error_of(capsys)
+    )
 
 
 def test_a_command_that_cannot_be_loaded_is_left_out(monkeypatch, capsys):

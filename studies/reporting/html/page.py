@@ -24,6 +24,7 @@ INDEX_FILE = "index.html"
 
 PICTURE_WIDTH = 1600  # pixels; wider pictures are made smaller
 PICTURE_QUALITY = 80
+PICTURE_EFFORT = 2  # of 6: larger by a little, in a quarter of the time
 SCENES_START = '<script type="application/json" id="scenes">'
 SCENES_END = "</script>"
 
@@ -252,13 +253,14 @@ def picture_source(path: Path, width: int = PICTURE_WIDTH) -> str:
 
     try:
         with Image.open(path) as image:
-            picture = image.convert("RGB")
+            factor = max(image.width // width, 1)
+            picture = (image.reduce(factor) if factor > 1 else image).convert("RGB")
     except (OSError, SyntaxError):  # Pillow raises SyntaxError for a broken PNG
         return ""
     if picture.width > width:
         picture = picture.resize((width, round(picture.height * width / picture.width)))
     stream = io.BytesIO()
-    picture.save(stream, "WEBP", quality=PICTURE_QUALITY)
+    picture.save(stream, "WEBP", quality=PICTURE_QUALITY, method=PICTURE_EFFORT)
     return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"
 
 

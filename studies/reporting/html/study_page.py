@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from studies.figures.charts import Chart
     from studies.reporting.results import Results
 
 VALUE = "change_percentage"
@@ -64,19 +65,20 @@ def study_page(
     """
     rows = results.rows
     numbers = scenes.numbers if scenes else {}
+    charts = results.experiment.charts(results.name, results.report_tables, rows, results.title)
     blocks = [
         _facts(results),
         *_findings(results),
         *_claims(results),
         TableBlock.of(results.main_table, "Results"),
-        *_charts(results, numbers),
+        *_charts(results, charts, numbers),
         *_viewer(results, scenes),
         *_worst(rows, numbers),
         *_failures(rows),
         *_by_model(rows),
         *(TableBlock.of(table, table.title) for table in list(results.report_tables.values())[1:] if table.visible()),
         *others,
-        *_pictures(results),
+        *_pictures(results, charts),
     ]
     return Page(results.title, blocks, scenes=scenes, up=up)
 
@@ -165,8 +167,8 @@ def _claims(results: Results) -> list[TableBlock]:
     return [claims_table(claims, "Next to the paper", plain_text(remark))]
 
 
-def _charts(results: Results, numbers: Mapping[str, int]) -> list[ChartBlock]:
-    charts = results.experiment.charts(results.name, results.report_tables, results.rows, results.title)
+def _charts(results: Results, charts: Mapping[str, Chart], numbers: Mapping[str, int]) -> list[ChartBlock]:
+    """The charts of the study, with a point for each trial."""
     blocks = []
     for stem, chart in charts.items():
         marks = _marks(results, numbers) if stem == results.name else {}
@@ -202,7 +204,7 @@ def _marks(results: Results, numbers: Mapping[str, int]) -> dict[int, list[Mark]
     marks: dict[int, list[Mark]] = {}
     for row in frame.to_dict("records"):
         place = f"{row['model']}, level {row['level']:g}"
-        place += f", repeat {row['repeat'] + 1}" if single else ", mean of its repeats"
+        place += f", repeat {row['repeat']}" if single else ", mean of its repeats"
         method = f", {row['segmenter']}" if len(methods) > 1 else ""
         marks.setdefault(parts.index(str(row["part"])), []).append(
             Mark(
@@ -220,7 +222,7 @@ def _marks(results: Results, numbers: Mapping[str, int]) -> dict[int, list[Mark]
             if str(row["trial_id"]) in numbers
         }
         for (part, method, model, level), row in by_place.items():
-            text = f"{model}, level {level:g}, repeat {row['repeat'] + 1}, {method}: {row[VALUE]:.2f} %"
+            text = f"{model}, level {level:g}, repeat {row['repeat']}, {method}: {row[VALUE]:.2f} %"
             mark = Mark(float(level), float(row[VALUE]), text, methods.index(method), numbers[str(row["trial_id"])])
             marks[parts.index(part)].append(mark)
     # Those that can be clicked are on top.
@@ -316,9 +318,8 @@ def _by_model(rows: pd.DataFrame) -> list[TableBlock]:
     return [TableBlock.of(Table("by_model", frame, columns), "By model")]
 
 
-def _pictures(results: Results) -> list[PictureBlock]:
+def _pictures(results: Results, charts: Mapping[str, Chart]) -> list[PictureBlock]:
     """The pictures of surfaces that a study without a viewer of its own has."""
-    charts = results.experiment.charts(results.name, results.report_tables, results.rows, results.title)
     skipped = {*charts, GALLERY} if results.experiment.has_scenes else {*charts}
     return [
         PictureBlock.of(path, path.stem.replace("_", " ").capitalize())
