@@ -2,6 +2,7 @@
 
 import base64
 import io
+import itertools
 import re
 import sys
 import tomllib
@@ -21,9 +22,9 @@ from studies.figures.colours import BACKGROUND
 from studies.figures.scenes import Field, Scene, Surface, Viewport
 from studies.metrics import change_percentage
 from studies.reporting.html import Page, pack, stored_scenes, unpack
+from tests.helpers.browser import SECONDS, browser
 
 ROOT = Path(heatwalk.__file__).parents[1]
-CHROMIUM = next((path for path in map(Path, ("/usr/bin/chromium", "/usr/bin/chromium-browser")) if path.exists()), None)
 TIMES = time_scenes.times_around(1.0)
 WORDS = ["--perturbation", "shot_noise", "--amount", "0.2", "--seed", "3"]
 
@@ -129,7 +130,7 @@ def test_a_part_has_one_colour_on_both_sides_and_over_time(scenes):
         rows, columns = linear_sum_assignment(table, maximize=True)
         return np.count_nonzero(a[both] == b[both]), table[rows, columns].sum()
 
-    for time, nearer in zip(TIMES[:10], TIMES[1:], strict=False):
+    for time, nearer in itertools.pairwise(TIMES[:11]):
         equal, possible = agreement(scenes[nearer].viewports[0].labels, scenes[time].viewports[0].labels)
         assert equal == possible > 0
     for scene in scenes.values():
@@ -289,21 +290,15 @@ def test_a_command_that_cannot_be_loaded_is_left_out(monkeypatch, capsys):
 @pytest.fixture(scope="module")
 def opened(folder):
     """The page in a browser, and what it printed to the console as errors."""
-    sync_api = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("there is no chromium")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=str(CHROMIUM), args=["--no-sandbox", "--enable-unsafe-swiftshader"]
-        )
-        page = browser.new_page(viewport={"width": 800, "height": 700})
+    with browser() as started:
+        page = started.new_page(viewport={"width": 800, "height": 700})
+        page.set_default_timeout(1000 * SECONDS)
         errors = []
         page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto((folder / "page.html").as_uri())
-        page.wait_for_selector("#stage[data-ready]")
+        page.evaluate("viewer.ready")
         yield page, errors
-        browser.close()
 
 
 def drawn(page):
@@ -318,7 +313,7 @@ def drawn(page):
 def test_the_slider_and_the_colours_change_what_is_drawn(opened, scenes):
     page, errors = opened
     first = drawn(page)
-    height, width, _ = first.shape
+    width = first.shape[1]
     for half in (first[:, : width // 2], first[:, width // 2 :]):
         assert 0.1 < np.count_nonzero(half[..., 3]) / half[..., 3].size < 0.95
 
