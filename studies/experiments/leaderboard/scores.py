@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from perturb import PerturbationError
 from studies.experiments.leaderboard.cards import Card, cards_of
 from studies.statistics.paired import intervals, resampled_counts, resampled_mce, resampled_means
 from studies.statistics.ranks import pareto_front, shared_ranks
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 CP, MOST_CP = "change_percentage", 200.0  # and the bound that a failed trial counts with
 RAND, MOST_RAND = "truth_rand_index_error", 1.0
 MEMORY = "peak_memory"
+NO_VARIANT = f"{PerturbationError.__name__}:"  # beginning of the error of a trial whose variant could not be made
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,8 @@ class Scores:
     Parameters
     ----------
     rows : DataFrame
-        trials; a trial that failed, timed out or crashed counts with the worst value of each measure
+        trials; a trial that failed, timed out or crashed counts with the worst value of each measure, unless its
+        perturbation could not make the variant, which is not the method's failure
     options : Options
 
     Attributes
@@ -75,15 +78,22 @@ class Scores:
             if name not in rows:
                 rows = rows.assign(**{name: np.nan})
         self.options = options
-        self._counted = _of_common_cells(rows)
         self.methods = [str(name) for name in dict.fromkeys(rows["segmenter"])]
         self.cards: dict[str, Card] = cards_of(rows)
-        self._rows = rows
+        without = _without_variant(rows)
+        self._unmade, self._rows = rows[without], rows[~without]
+        self._counted = _of_common_cells(self._rows)
 
     @property
     def n_left_out(self) -> int:
         """How many trials are not compared, because fewer than half of the methods have them."""
         return len(self._rows) - len(self._counted)
+
+    @cached_property
+    def unmade_variants(self) -> list[tuple[str, float, str]]:
+        """Part, strength and model of the variants that their perturbation could not make."""
+        drawn = self._unmade[["part", "level", "model"]].drop_duplicates()
+        return [(str(part), float(level), str(model)) for part, level, model in drawn.itertuples(index=False)]
 
     @cached_property
     def models(self) -> list[str]:
@@ -303,6 +313,15 @@ class Scores:
         if MEMORY not in self._counted or self._counted[MEMORY].isna().all():
             return {}
         return {MEMORY: float(self._of(method, self._counted)[MEMORY].astype("float64").max())}
+
+
+def _without_variant(rows: pd.DataFrame) -> pd.Series:
+    """Whether the perturbation of a trial could not make the variant."""
+    import pandas as pd
+
+    if "error" not in rows:
+        return pd.Series(False, index=rows.index)
+    return rows["status"].ne("ok") & rows["error"].astype(object).fillna("").astype(str).str.startswith(NO_VARIANT)
 
 
 def _of_common_cells(rows: pd.DataFrame) -> pd.DataFrame:

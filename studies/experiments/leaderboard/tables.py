@@ -130,6 +130,11 @@ def remarks(scores: Scores, titles: Mapping[str, str]) -> list[str]:
     if scores.undefined:
         named = ", ".join(titles.get(name, name) for name in scores.undefined)
         found.append(f"Left out of mCE, because the reference does not change at all: {named}.")
+    if scores.unmade_variants:
+        variants = ", ".join(
+            f"{titles.get(part, part)} {level:g} ({model})" for part, level, model in scores.unmade_variants
+        )
+        found.append(f"The perturbation could not make these variants, which count for no method: {variants}.")
     if scores.n_left_out:
         found.append(f"{count_of(scores.n_left_out, 'trial')} that fewer than half of the methods have: not compared.")
     return found

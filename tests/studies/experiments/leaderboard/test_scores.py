@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from studies.experiments.leaderboard.scores import Options, Scores
+from studies.experiments.leaderboard.tables import remarks
 from studies.statistics.paired import resampled_counts
 from tests.studies.experiments.leaderboard.boards import drawn, rows_of
 
@@ -52,6 +53,23 @@ def test_a_trial_that_ran_out_of_time_or_crashed_costs_as_much_as_one_that_faile
     rows = rows_of({"HeatWalk": {"holes": [[50, 50]]}, "cuts": {"holes": [[None, 50]]}})
     other = rows.assign(status=rows["status"].replace("failed", status))
     pd.testing.assert_frame_equal(board_of(rows), board_of(other))
+
+
+def test_a_variant_that_its_perturbation_could_not_make_counts_for_no_method_and_is_named():
+    rows = rows_of(
+        {"HeatWalk": {"holes": [[1, 3]], "noise": [[2, 2]]}, "cuts": {"holes": [[2, None]], "noise": [[None, 2]]}}
+    )
+    unmade = (rows["part"] == "holes") & (rows["model"] == "m1")
+    rows["error"] = [None if status == "ok" else "ValueError: no segments" for status in rows["status"]]
+    rows.loc[unmade, ["status", "error"]] = ["failed", "PerturbationError: holes: no triangle is left"]
+    scores = Scores(rows, OPTIONS)
+    pd.testing.assert_frame_equal(scores.board, Scores(rows[~unmade], OPTIONS).board)
+    assert scores.board.set_index("segmenter").loc["cuts", "failed_share"] == 20  # noise on m0, of five
+    assert scores.unmade_variants == [("holes", 0.0, "m1")]
+    assert scores.n_left_out == 0
+    assert remarks(scores, {"holes": "Holes"})[1:] == [
+        "The perturbation could not make these variants, which count for no method: Holes 0 (m1)."
+    ]
 
 
 def test_a_method_that_lacks_a_perturbation_has_no_rank_and_is_listed_below_with_what_it_has():
