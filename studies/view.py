@@ -186,13 +186,14 @@ def _show(arguments: argparse.Namespace, mesh: LoadedMesh, perturbation: perturb
     """Make the page, and write or open it; returns the exit code."""
     from studies.figures.time_scenes import BEFORE, sides_of, times_around
     from studies.reporting.html.mesh_page import mesh_page
+    from studies.reporting.text import count_of
 
     times = times_around(arguments.time)
 
     def announce(side: Side) -> None:
         name = ", ".join(filter(None, (side.title, side.row)))
         counts = [each.n_segments for each in side.at_times]
-        print(f"{name}: {counts[BEFORE]} segments at time {arguments.time:g}", end="", flush=True)
+        print(f"{name}: {count_of(counts[BEFORE], 'segment')} at time {arguments.time:g}", end="")
         print(f" ({min(counts)} to {max(counts)} at times {times[0]:g} to {times[-1]:g})", flush=True)
 
     methods = {METHOD: False, **({ROBUST_METHOD: True} if arguments.robust else {})}

@@ -32,7 +32,7 @@ UNITS = {
     TEST: "nats, from region − from uniform; above 0 it dissipates",
     FROM_UNIFORM: "nats",
     FROM_REGION: "nats",
-    MARGIN: "0: another label ties with this one",
+    MARGIN: "(0: another label ties with this one)",
 }
 ENDS = (5, 95)  # percentiles of a function on the first surface at the ends of the colours
 
@@ -265,7 +265,9 @@ def _fields(fields: Mapping[str, np.ndarray], first: Mapping[str, np.ndarray]) -
     """Functions with the ends of their colours, which are those on the first surface."""
     made = {}
     for name, values in fields.items():
-        low, high = (0.0, 1.0) if name == MARGIN else np.percentile(first.get(name, values), ENDS).tolist()
+        low, high = np.percentile(first.get(name, values), ENDS).tolist()
+        if name == MARGIN:
+            low = 0.0
         if name == TEST:
             high = max(abs(low), abs(high))
             low = -high

@@ -62,9 +62,9 @@ def _explanations(sides: Sequence[Side]) -> list[str]:
         )
     lines.append(
         "“colours” shows a function instead of the segments. The ends of its scale are the 5th and the 95th percentile "
-        "of the first surface; values beyond have the colour of the end. A vertex is in the dissipator region where "
-        "the dissipator test is above 0 (red): its heat is then nearer to the uniform density than to the mean one of "
-        "its region."
+        "of the first surface (of the margin 0 and the 95th); values beyond have the colour of the end. A vertex is in "
+        "the dissipator region where the dissipator test is above 0 (red): its heat is then nearer to the uniform "
+        "density than to the mean one of its region."
     )
     if not any(FROM_REGION in side.at_times[0].fields for side in sides):
         lines.append(
