@@ -33,6 +33,12 @@ mesh files: OFF, OBJ, PLY, STL, glTF (.glb, .gltf), 3MF, VTK (.vtk, .vtp, .vtu) 
 (.gz, .bz2, .xz)
 """
 
+# Entry points of this group add commands: each is a function of what `argparse`'s `add_subparsers` returned. They are
+# looked for only where no command of this module is typed, since that takes longer than all else before a mesh is read.
+_ADDED = "heatwalk.commands"
+
+_INSTALL_AGAIN = "an installation that is older than a command has to be repeated to have it, as by pip install -e ."
+
 # Rows of the table of segments, the largest first: symmetric shapes can have hundreds.
 _MAX_ROWS = 20
 
@@ -78,16 +84,38 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     except OSError as error:
         _discard_output()
-        return _fail(f"the standard output cannot be written: {error.strerror or error}")
+        return fail(f"the standard output cannot be written: {error.strerror or error}")
 
 
 def _run(argv: Sequence[str] | None) -> int:
     """Run the command that the arguments select; returns the exit code."""
-    arguments = _parser().parse_args(argv)
+    words = sys.argv[1:] if argv is None else list(argv)
+    parser, commands = _parser()
+    if not words or words[0] not in (*commands.choices, "--version"):
+        is_any_added = _add_commands(commands)
+        if words and not words[0].startswith("-") and words[0] not in commands.choices:
+            problem = f"there is no command {words[0]!r}: choose one of {', '.join(commands.choices)}"
+            return fail(problem if is_any_added else f"{problem}; {_INSTALL_AGAIN}")
+    arguments = parser.parse_args(words)
     return arguments.run(arguments)
 
 
-def _read(arguments: argparse.Namespace, path: Path) -> "LoadedMesh | None":
+def _add_commands(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> bool:
+    """Add the commands that other packages register; returns whether there are any."""
+    from importlib.metadata import entry_points
+
+    found = sorted(entry_points(group=_ADDED), key=lambda point: point.name)
+    for point in found:
+        try:
+            point.load()(commands)
+        except Exception as error:  # whatever an installation lacks: the other commands work without it
+            reason = " ".join(str(error).split()) or type(error).__name__
+            print(f"heatwalk: the command {point.name!r} is left out: {reason}", file=sys.stderr)
+    commands.metavar = f"{{{','.join(commands.choices)}}}"
+    return bool(found)
+
+
+def read(arguments: argparse.Namespace, path: Path) -> "LoadedMesh | None":
     """A mesh as the arguments want it; None, and a message, if it cannot be read."""
     from heatwalk.io import read_mesh
     from heatwalk.meshes import MeshError
@@ -95,7 +123,7 @@ def _read(arguments: argparse.Namespace, path: Path) -> "LoadedMesh | None":
     try:
         return read_mesh(path, weld=arguments.weld)
     except MeshError as error:
-        _fail(error)
+        fail(error)
         return None
 
 
@@ -120,8 +148,8 @@ def _discard_output() -> None:
         os.close(nowhere)
 
 
-def _parser() -> argparse.ArgumentParser:
-    """The parser of the arguments; each command sets ``run``."""
+def _parser() -> tuple[argparse.ArgumentParser, "argparse._SubParsersAction[argparse.ArgumentParser]"]:
+    """The parser of the arguments, and that of its commands; each command sets ``run``."""
     parser = argparse.ArgumentParser(
         prog="heatwalk",
         description="Segment triangle meshes by the pathways of largest heat-flow capacity (the Heat Walk).",
@@ -145,7 +173,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_mesh(command)
     command.add_argument(
         "--time",
-        type=_time,
+        type=positive_time,
         default=1.0,
         metavar="T",
         help="duration of the heat flow in the unit of the paper; longer times give fewer segments (default: 1)",
@@ -189,12 +217,17 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--output", metavar="FILE", help="default: NAME with its suffix, in the current directory")
     command.add_argument("--force", action="store_true", help="overwrite a file with other contents")
     command.set_defaults(run=_example)
-    return parser
+    return parser, commands
 
 
 def _add_mesh(command: argparse.ArgumentParser) -> None:
     """Add the arguments that specify the mesh and how it is read."""
     command.add_argument("meshes", nargs="+", type=Path, metavar="MESH", help="a mesh file, or a folder of them")
+    add_weld(command)
+
+
+def add_weld(command: argparse.ArgumentParser) -> None:
+    """Add the argument that specifies how a mesh is read."""
     command.add_argument(
         "--weld",
         type=_weld,
@@ -219,7 +252,7 @@ def _weld(text: str) -> str | float:
     return weld
 
 
-def _time(text: str) -> float:
+def positive_time(text: str) -> float:
     """The value of --time."""
     try:
         time = float(text)
@@ -230,7 +263,7 @@ def _time(text: str) -> float:
     return time
 
 
-def _fail(message: object) -> int:
+def fail(message: object) -> int:
     """Print an error; returns the exit code."""
     with contextlib.suppress(BrokenPipeError):
         print(f"heatwalk: error: {message}", file=sys.stderr)
@@ -248,9 +281,9 @@ def _segment(arguments: argparse.Namespace) -> int:
         paths = meshes_in(arguments.meshes)
         outputs = _outputs(arguments, paths)
     except MeshError as error:
-        return _fail(error)
+        return fail(error)
     except OSError as error:
-        return _fail(f"{error.filename}: cannot be written: {error.strerror}")
+        return fail(f"{error.filename}: cannot be written: {error.strerror}")
     if not _are_several(arguments):
         return 0 if _segment_one(arguments, paths[0], outputs[0]) else 2
     failed = []
@@ -292,12 +325,12 @@ def _outputs(arguments: argparse.Namespace, paths: Sequence[Path]) -> list[Path]
 
 def _segment_one(arguments: argparse.Namespace, path: Path, output: Path) -> bool:
     """Segment a mesh and write the result; returns whether that was possible."""
-    mesh = _read(arguments, path)
+    mesh = read(arguments, path)
     if mesh is None:
         return False
     problem = _write_segments(arguments, path, mesh, output)
     if problem is not None:
-        _fail(problem)
+        fail(problem)
     return problem is None
 
 
@@ -324,7 +357,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
             f"{foreign}: exists, and this command did not write it; choose another --output, or overwrite it by --force"
         )
     try:
-        with announced(_announce_compilation):
+        with announced(announce_compilation):
             segmentation: Segmentation
             if arguments.robust:
                 options = Options(refine=arguments.parts, hierarchy=arguments.parts)
@@ -348,7 +381,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
         write_seg(labels_output, segmentation.face_labels)
     except OSError as error:
         return f"{error.filename}: cannot be written: {error.strerror}"
-    _print_mesh(path, mesh)
+    print_mesh(path, mesh)
     _print_segments(segmentation)
     print(f"written: {output}, {labels_output}")
     return None
@@ -366,7 +399,7 @@ def _vertex_properties(segmentation: "Segmentation") -> "dict[str, NDArray[np.fl
     return {"margin": segmentation.margin}
 
 
-def _announce_compilation() -> None:
+def announce_compilation() -> None:
     """Say why the first segmentation takes longer than all others."""
     print("heatwalk: compiling, which takes about half a minute, once", file=sys.stderr, flush=True)
 
@@ -439,7 +472,7 @@ def _inspect(arguments: argparse.Namespace) -> int:
     try:
         paths = meshes_in(arguments.meshes)
     except MeshError as error:
-        return _fail(error)
+        return fail(error)
     failed = []
     for path in paths:
         if not _inspect_one(arguments, path):
@@ -455,11 +488,11 @@ def _inspect_one(arguments: argparse.Namespace, path: Path) -> bool:
     """Print the properties of a mesh; returns whether it can be segmented."""
     from heatwalk.meshes import inspect_mesh
 
-    mesh = _read(arguments, path)
+    mesh = read(arguments, path)
     if mesh is None:
         return False
     report = inspect_mesh(mesh.vertices, mesh.faces)
-    _print_mesh(path, mesh)
+    print_mesh(path, mesh)
     for name, value in (
         ("components", report.n_components),
         ("boundary edges", f"{report.n_boundary_edges:,} in {_count(report.n_boundary_loops, 'loop')}"),
@@ -479,7 +512,7 @@ def _inspect_one(arguments: argparse.Namespace, path: Path) -> bool:
         print(f"  {name:<22} {_format(value)}")
     if report.problem is not None:
         _flush()
-        _fail(f"{path}: {report.problem}")
+        fail(f"{path}: {report.problem}")
     return report.problem is None
 
 
@@ -493,25 +526,25 @@ def _example(arguments: argparse.Namespace) -> int:
         source = example_path(arguments.name)
         mesh = read_mesh(source)
     except MeshError as error:
-        return _fail(error)
+        return fail(error)
     output = Path(arguments.output or f"{arguments.name}{source.suffix}")
     if output.is_dir():
         output /= f"{arguments.name}{source.suffix}"
     if output.suffix.lower() != source.suffix:
-        return _fail(f"{output}: the mesh of {arguments.name!r} is a file {source.suffix}; choose such an --output")
+        return fail(f"{output}: the mesh of {arguments.name!r} is a file {source.suffix}; choose such an --output")
     data = source.read_bytes()
     try:
         if output.exists() and not arguments.force and output.read_bytes() != data:
-            return _fail(f"{output}: exists with other contents; choose another --output, or overwrite it by --force")
+            return fail(f"{output}: exists with other contents; choose another --output, or overwrite it by --force")
         output.write_bytes(data)
     except OSError as error:
-        return _fail(f"{output}: cannot be written: {error.strerror}")
-    _print_mesh(output, mesh)
+        return fail(f"{output}: cannot be written: {error.strerror}")
+    print_mesh(output, mesh)
     print(f"written: {output}")
     return 0
 
 
-def _print_mesh(path: Path, mesh: "LoadedMesh") -> None:
+def print_mesh(path: Path, mesh: "LoadedMesh") -> None:
     """Print the size of a mesh, and what was changed while reading it."""
     print(f"{path}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     for note in mesh.notes:

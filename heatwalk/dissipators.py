@@ -134,7 +134,7 @@ def divergence_from_uniform(kernel: HeatKernel, weights: NDArray[np.float64] | N
     divergence = np.empty(len(kernel.factor))
     for part in kernel.parts():
         part_measure = measure[part].sum()
-        for rows, block in kernel.row_blocks(part):
+        for rows, block in kernel.row_blocks(part, BLOCK_BYTES):
             density = np.maximum(block, MIN_DENSITY * block.max(axis=1, keepdims=True))
             density /= (density @ measure[part])[:, None]
             divergence[part[rows]] = (density * np.log(density * part_measure)) @ measure[part]

@@ -91,8 +91,10 @@ class HeatKernel:
         """Rows of the factor for one of the `parts`; not copied if the mesh is connected."""
         return self.factor if len(part) == len(self.factor) else self.factor[part]
 
-    def row_blocks(self, vertices: NDArray[np.int64]) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-        """Rows of the kernel among vertices of one component, in blocks of bounded size (`BLOCK_BYTES`).
+    def row_blocks(
+        self, vertices: NDArray[np.int64], block_bytes: int | None = None
+    ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+        """Rows of the kernel among vertices of one component, in blocks of bounded size, by default `BLOCK_BYTES`.
 
         Yields
         ------
@@ -101,7 +103,7 @@ class HeatKernel:
             h_t(vertices[rows], vertices)
         """
         factor = self.factor[vertices]
-        height = max(1, BLOCK_BYTES // (8 * len(vertices)))
+        height = max(1, (block_bytes or BLOCK_BYTES) // (8 * len(vertices)))
         for start in range(0, len(vertices), height):
             rows = slice(start, min(start + height, len(vertices)))
             yield rows, factor[rows] @ factor.T

@@ -28,12 +28,15 @@ class Field:
         values at the ends of the colours
     unit : str
         what the values are, shown below the colours
+    diverging : bool
+        whether the colours are those for values on both sides of the middle, as for signs
     """
 
     values: np.ndarray
     low: float = 0.0
     high: float = 1.0
     unit: str = ""
+    diverging: bool = False
 
 
 @dataclass(frozen=True, eq=False)

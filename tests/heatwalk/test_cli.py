@@ -381,3 +381,13 @@ def test_a_closed_output_is_done_without(tmp_path):
     for arguments, expected in ((["inspect", path], 0), (["inspect", tmp_path / "gone.off"], 2), (["--version"], 0)):
         code, _, error = script(arguments, ">&-")
         assert (code, "Traceback" in error) == (expected, False)
+
+
+def test_commands_of_other_packages_are_not_looked_for_where_one_of_this_package_is_typed(monkeypatch, capsys):
+    looked_for = []
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: looked_for.append(group) or [])
+    assert main(["inspect", str(bundled_path("ant"))]) == 0
+    assert looked_for == []
+    assert main(["inspekt", str(bundled_path("ant"))]) == 2
+    assert looked_for == ["heatwalk.commands"]
+    assert stderr_line(capsys).startswith("there is no command 'inspekt': choose one of segment, inspect, example;")

@@ -196,13 +196,14 @@ def _packed_field(shown: Field, blocks: _Blocks) -> dict[str, Any]:
     spread = shown.high - shown.low or 1.0
     share = np.clip((shown.values - shown.low) / spread, 0, 1)
     steps = np.where(np.isnan(share), NO_VALUE, np.rint(np.nan_to_num(share) * LEVELS)).astype(np.uint8)
-    return {"low": float(shown.low), "high": float(shown.high), "unit": shown.unit, "values": blocks.add(steps)}
+    packed = {"low": float(shown.low), "high": float(shown.high), "unit": shown.unit, "values": blocks.add(steps)}
+    return {**packed, "diverging": True} if shown.diverging else packed
 
 
 def _unpacked_field(packed: Mapping[str, Any], steps: np.ndarray) -> Field:
     low, high = packed["low"], packed["high"]
     values = np.where(steps == NO_VALUE, np.nan, low + steps / LEVELS * (high - low))
-    return Field(values, low, high, packed["unit"])
+    return Field(values, low, high, packed["unit"], packed.get("diverging", False))
 
 
 class _Blocks:

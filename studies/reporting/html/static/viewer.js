@@ -14,6 +14,7 @@
 
   const NO_LABEL = 255, CREASE = Math.cos(Math.PI / 4), MARGIN = 1.12, FADED = 0.78;
   const VIRIDIS = ["#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
+  const BLUE_TO_RED = ["#2166ac", "#4393c3", "#92c5de", "#d1e5f0", "#f7f7f7", "#fddbc7", "#f4a582", "#d6604d", "#b2182b"];
 
   // What a corner of a triangle has: place, normal, colour number of its face, whether it changed, value of a function.
   const VERTEX = `#version 300 es
@@ -76,8 +77,8 @@
   const colourOf = (label) => (label === NO_LABEL ? grey : label % grey);
   texture(0, palette, gl.NEAREST);
   texture(1, VIRIDIS, gl.LINEAR);
+  texture(2, BLUE_TO_RED, gl.LINEAR);
   gl.uniform1i(U.colours, 0);
-  gl.uniform1i(U.ramp, 1);
   gl.enable(gl.DEPTH_TEST);
   gl.enable(gl.SCISSOR_TEST);
 
@@ -264,6 +265,7 @@
       gl.uniform1f(U.depth, 0.2 / frame.radius);
       const field = viewport.fields[state.field];
       gl.uniform1i(U.mode, field ? 1 : 0);
+      gl.uniform1i(U.ramp, field?.diverging ? 2 : 1);
       gl.uniform1i(U.highlight, state.highlight && viewport.changed !== null ? 1 : 0);
       gl.bindBuffer(gl.ARRAY_BUFFER, surface.place);
       gl.enableVertexAttribArray(ATTRIBUTES[0]);
@@ -375,7 +377,7 @@
     scale.hidden = !one;
     if (!one) return;
     const bar = make("i");
-    bar.style.background = `linear-gradient(90deg, ${VIRIDIS.join(", ")})`;
+    bar.style.background = `linear-gradient(90deg, ${(one.diverging ? BLUE_TO_RED : VIRIDIS).join(", ")})`;
     const round = (value) => Number(value.toPrecision(3));
     scale.replaceChildren(`${round(one.low)}`, bar, `${round(one.high)}`, ` ${one.unit}`);
   };
