@@ -63,14 +63,18 @@ def page(studies: Sequence[Results], root: Path, sweeps: Sequence[Sweep] = ()) -
     headings = headings_of(studies, root)
     told: dict[str, Results] = {}
     shown: set[Path] = set()
-    # A study of all methods is what most readers look for.
-    for study in sorted(studies, key=lambda study: not study.experiment.gathers):
+    for study in boards_first(studies):
         for sweep in sweeps:
             if study.folder in sweep.folders and sweep.file("") not in shown:
                 shown.add(sweep.file(""))
                 lines += ["", *_sweep_lines(sweep, root)]
         lines += ["", *_study_lines(study, root, headings[study.folder], publication, told)]
     return "\n".join([*lines, *_notes(studies, root)]) + "\n"
+
+
+def boards_first(studies: Iterable[Results]) -> list[Results]:
+    """The studies with those of all methods first, which most readers look for."""
+    return sorted(studies, key=lambda study: not study.experiment.gathers)
 
 
 def introduction(publication: Publication | None, root: Path) -> list[str]:
@@ -130,7 +134,7 @@ def _study_lines(
     """
     folder = study.folder.relative_to(root).as_posix()
     findings = study.experiment.findings(study.rows, publication.argument if publication else None)
-    picture = _picture(study)
+    picture = picture_of(study)
     return [
         f'<a id="{_anchor(study.folder, root)}"></a>',
         "",
@@ -152,8 +156,8 @@ def _link(study: Results, folder: str) -> str:
     return f"[Report](<{folder}/{REPORT_FILE}>)." if has_report else f"[All tables](<{folder}/table.md>)."
 
 
-def _picture(study: Results) -> Path | None:
-    """The picture of a study that is on the page: the one that its kind of experiment names, its own chart, or any."""
+def picture_of(study: Results) -> Path | None:
+    """The picture that stands for a study: the one that its kind of experiment names, its own chart, or any."""
     found = {path.stem: path for path in sorted(study.folder.glob("*.png")) if not path.stem.startswith(Sweep.PREFIX)}
     return found.get(study.experiment.picture) or found.get(study.name) or next(iter(found.values()), None)
 

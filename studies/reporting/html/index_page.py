@@ -20,8 +20,7 @@ from studies.reporting.html.page import (
     picture_source,
 )
 from studies.reporting.html.study_page import claims_table
-from studies.reporting.page import headings_of, introduction
-from studies.reporting.sweeps import Sweep
+from studies.reporting.page import boards_first, headings_of, introduction, picture_of
 from studies.reporting.text import count_of, plain_text
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ def index_page(studies: Sequence[Results], root: Path) -> Page:
     lead = f"{count_of(len(studies), 'study', 'studies')}, {count_of(trials, 'trial')}"
     blocks: list[Block] = [
         Text("", lines),
-        CardsBlock("Studies", [_card(study, headings[study.folder], root) for study in studies]),
+        CardsBlock("Studies", [_card(study, headings[study.folder], root) for study in boards_first(studies)]),
         *_claims(studies, root),
     ]
     return Page("Results", blocks, lead)
@@ -76,10 +75,8 @@ def _card(study: Results, heading: str, root: Path) -> Card:
 
 
 def _thumbnail(study: Results) -> str:
-    """The chart of a study, or another of its pictures."""
-    own = study.folder / f"{study.name}.png"
-    others = sorted(path for path in study.folder.glob("*.png") if not path.name.startswith(Sweep.PREFIX))
-    return next((picture_source(path, THUMBNAIL) for path in (own, *others) if path.is_file()), "")
+    picture = picture_of(study)
+    return picture_source(picture, THUMBNAIL) if picture else ""
 
 
 def _claims(studies: Sequence[Results], root: Path) -> list[TableBlock]:
