@@ -157,7 +157,9 @@ def _finish(vertices: NDArray[np.float64], faces: NDArray[np.int64], notes: tupl
     n_repeated = np.count_nonzero(repeats_earlier_face(faces))
     if n_repeated:
         notes += (f"{n_repeated:,} faces repeat the corners of another face, which counts once",)
-    return LoadedMesh(vertices, faces, notes + coincidence_notes(vertices, faces))
+    notes += coincidence_notes(vertices, faces)
+    # Arrays that a library owns can be read-only, and callers may write to a mesh.
+    return LoadedMesh(np.require(vertices, requirements="CW"), np.require(faces, requirements="CW"), notes)
 
 
 def split_suffix(name: str) -> tuple[str, str]:

@@ -64,7 +64,7 @@ def test_help_shows_the_options_of_the_choices_that_are_typed_or_made_by_the_stu
 def test_every_general_option_is_explained():
     text = help_text([])
     for line in text.partition("Options, with their defaults:")[2].partition("Options of")[0].splitlines():
-        assert not line.strip() or "#" in line or line.strip() == "gallery:", line
+        assert not line.strip() or "#" in line or line.strip() in ("gallery:", "page:"), line
 
 
 def test_help_says_how_to_compare_methods_and_where_the_number_of_segments_comes_from():
@@ -96,7 +96,7 @@ def test_the_packages_are_commands_too(tmp_path, interpreter):
     assert (done.returncode, done.stdout.split()[0]) == (0, "heatwalk")
     done = command(tmp_path, "-m", "studies", "--help")
     assert done.returncode == 0
-    assert [line.split()[0] for line in done.stdout.splitlines()[2:]] == ["run", "status", "report", "merge"]
+    assert [line.split()[0] for line in done.stdout.splitlines()[2:]] == ["run", "status", "report", "serve", "merge"]
     done = interpreter.run(["-m", "studies", "status", "nowhere"], tmp_path)
     assert (done.returncode, done.stderr) == (2, "studies.status: error: no results of a study in nowhere\n")
     done = interpreter.run(["-m", "studies", "runn"], tmp_path)

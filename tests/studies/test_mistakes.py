@@ -256,7 +256,7 @@ def test_a_name_with_a_comma_is_one_value_of_a_sweep(here):
 
 
 # Files that a sweep over levels leaves next to the folders of its values.
-SUMMARY = [f"sweep_by_levels.{suffix}" for suffix in ("csv", "md", "png", "pdf")]
+SUMMARY = [f"sweep_by_levels.{suffix}" for suffix in ("csv", "md", "tex", "png", "pdf")]
 
 
 @pytest.mark.parametrize("place", [0, 1, 3, 6])
@@ -285,7 +285,7 @@ def test_a_sweep_over_many_levels_has_a_folder_with_a_short_name(here):
     assert done.returncode == 0, done.stderr
     found = {path.name for path in (here / "results" / "scaling" / "files").iterdir()}
     names = found - {*SUMMARY}
-    assert (len(found), len(names)) == (6, 2)
+    assert (len(found), len(names)) == (7, 2)
     assert all(len(name.encode()) <= 230 and name.startswith("levels=[") for name in names)
 
 

@@ -57,7 +57,8 @@ def test_it_leaves_what_the_documentation_lists_and_nothing_else(small_study):
     done, results = small_study
     assert done.returncode == 0, done.stderr
     assert {path.name for path in results.iterdir()} == {
-        "trials.jsonl", "trials.parquet", "table.csv", "table.md", "failures_and_seconds.csv",
+        "trials.jsonl", "trials.parquet", "table.csv", "table.md", "table.tex", "failures_and_seconds.csv",
+        "failures_and_seconds.tex", "report.html",
         "shot_noise.png", "shot_noise.pdf", "gallery.png",
         "config.yaml", "provenance.json", "planned.txt", "labels",
     }  # fmt: skip

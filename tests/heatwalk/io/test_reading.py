@@ -130,6 +130,15 @@ def test_a_file_cut_at_any_byte_is_an_error_or_still_the_whole_mesh(tmp_path, su
 
 
 @every_format
+def test_the_arrays_of_a_large_mesh_can_be_written_to(tmp_path, suffix, encode):
+    mesh = read_mesh(bundled_path("bunny"))
+    read = read_bytes(tmp_path, encode(mesh.vertices, mesh.faces.tolist()), suffix)
+    for array in (read.vertices, read.faces):
+        assert array.flags.writeable
+        assert array.flags.c_contiguous
+
+
+@every_format
 def test_a_real_mesh_cut_anywhere_is_an_error(tmp_path, suffix, encode):
     mesh = read_mesh(bundled_path("cow"))
     data = encode(mesh.vertices, mesh.faces.tolist())
