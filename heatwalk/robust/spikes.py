@@ -32,6 +32,9 @@ MAX_EDGES = 0.75
 # How many times the median residual of its neighbours a vertex may be away from their median.
 MAX_RESIDUAL = 3.0
 
+# How many edge lengths a vertex is away from that median if it is a spike whatever chords there are.
+CERTAIN_EDGES = 3.0
+
 # How many edge lengths a vertex must be away from each chord between two of its neighbours.
 MIN_CHORD = 0.4
 
@@ -121,7 +124,9 @@ def _find_spikes(
             continue
         usual = _median(length[around])
         if residual[v] > MAX_EDGES * usual and residual[v] > MAX_RESIDUAL * _median(residual[around]):
-            spike[v] = _distance_to_chords(vertices, v, around) > MIN_CHORD * usual
+            spike[v] = (
+                residual[v] > CERTAIN_EDGES * usual or _distance_to_chords(vertices, v, around) > MIN_CHORD * usual
+            )
     return spike
 
 

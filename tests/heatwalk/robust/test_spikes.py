@@ -3,11 +3,13 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from heatwalk import read_mesh
 from heatwalk.robust import spikes
 from heatwalk.robust.half_edges import adjacency
 from heatwalk.robust.spikes import remove_spikes
 from perturb import as_trimesh
 from tests.heatwalk.robust.meshes import arrays, blob
+from tests.helpers.meshes import bundled_path
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +59,22 @@ def test_most_spikes_of_one_edge_length_are_found_and_nothing_else(surface):
     _, moved = remove_spikes(rough, *adjacency(faces, len(vertices)))
     assert np.mean(moved[is_spike]) > 0.75
     assert not moved[~is_spike].any()
+
+
+@pytest.mark.parametrize("height", [0.1, 0.3])
+def test_high_spikes_next_to_others_are_found_on_an_uneven_mesh(height):
+    mesh = read_mesh(bundled_path("cow"))
+    surface = as_trimesh(mesh.vertices, mesh.faces)
+    starts, neighbours = adjacency(mesh.faces, len(mesh.vertices))
+    for seed in range(3):
+        is_spike = np.random.default_rng(seed).random(len(mesh.vertices)) < 0.06
+        rough = mesh.vertices + height * surface.scale * is_spike[:, None] * surface.vertex_normals
+        _, moved = remove_spikes(rough, starts, neighbours)
+        n_spikes_around = np.add.reduceat(is_spike[neighbours].astype(int), starts[:-1])
+        is_crowded = is_spike & (n_spikes_around > 2)  # about half of what is around are spikes, too
+        is_at_crowd = is_crowded | np.logical_or.reduceat(is_crowded[neighbours], starts[:-1])
+        assert moved[is_spike & ~is_at_crowd].all()
+        assert np.count_nonzero(moved & ~is_spike) <= 3
 
 
 def test_sharp_edges_stay():

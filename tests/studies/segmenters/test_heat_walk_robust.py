@@ -50,7 +50,7 @@ def test_an_invalid_option_is_refused_by_its_name():
         make_segmenter({"_target_": "studies.segmenters.heat_walk_robust.HeatWalkRobust", "persistence": 2})
 
 
-def test_the_ablation_has_each_part_alone_and_all_but_each():
+def test_the_ablation_has_each_part_alone_all_but_each_and_what_is_off_otherwise():
     entries = yaml.safe_load((FOLDER / "study" / "ablation.yaml").read_text())["segmenters"]
     assert entries[:2] == ["heat_walk", "heat_walk_robust"]
     methods = [HeatWalkRobust(**{k: v for k, v in entry.items() if k != "_target_"}) for entry in entries[2:]]
@@ -58,6 +58,7 @@ def test_the_ablation_has_each_part_alone_and_all_but_each():
     switches = dict.fromkeys(PARTS, True) | {"density": "area"}
     alone = [dataclasses.replace(nothing, **{part: value}) for part, value in switches.items()]
     missing = [dataclasses.replace(whole, **{part: OFF[part]}) for part in switches]
-    assert methods == alone + missing
+    added = [{"refine": True}, {"hierarchy": True}, {"refine": True, "hierarchy": True}]
+    assert methods == alone + missing + [dataclasses.replace(whole, **options) for options in added]
     names = [method.name for method in methods]
     assert len({*names, whole.name}) == len(methods) + 1
