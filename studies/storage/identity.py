@@ -117,6 +117,8 @@ def words(options: Mapping[str, Any]) -> str:
     --------
     >>> words({"segmenter._target_": "my_package.my_method", "segmenter.k": 5, "levels": [0.1, 0.2]})
     'segmenter=my_method,segmenter.k=5,levels=[0.1,0.2]'
+    >>> words({"segmenters": ["heat_walk", {"_target_": "my_package.my_method", "k": 5}]})
+    'segmenters=[heat_walk,my_method(k=5)]'
     """
     return ",".join(f"{key.removesuffix('._target_')}={_word(key, value)}" for key, value in options.items())
 
@@ -126,6 +128,9 @@ def _word(key: str, value: Any) -> str:
         return str(value).rpartition(".")[2]
     if isinstance(value, list | tuple):
         return f"[{','.join(_word('', each) for each in value)}]"
+    if isinstance(value, Mapping):
+        options = ",".join(f"{name}={_word('', each)}" for name, each in value.items() if name != "_target_")
+        return f"{str(value.get('_target_', '')).rpartition('.')[2]}({options})"
     if value is None or isinstance(value, bool):
         return json.dumps(value)
     return f"{value:g}" if isinstance(value, float) else str(value)
