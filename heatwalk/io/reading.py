@@ -159,7 +159,7 @@ def _finish(vertices: NDArray[np.float64], faces: NDArray[np.int64], notes: tupl
         notes += (f"{n_repeated:,} faces repeat the corners of another face, which counts once",)
     notes += coincidence_notes(vertices, faces)
     # Arrays that a library owns can be read-only, and callers may write to a mesh.
-    return LoadedMesh(np.require(vertices, requirements="CW"), np.require(faces, requirements="CW"), notes)
+    return LoadedMesh(np.require(vertices, requirements=["C", "W"]), np.require(faces, requirements=["C", "W"]), notes)
 
 
 def split_suffix(name: str) -> tuple[str, str]:
