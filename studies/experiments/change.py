@@ -369,7 +369,7 @@ class ChangeBlock(Block):
                 seed.update(b"%d]" % repeat)
                 trial = of_trial.copy()
                 trial.update(b"%d, %d%b]" % (repeat, int(seed.hexdigest()[:15], 16), tail))
-                packed += trial.digest()[:TRIAL_ID_LENGTH // 2]
+                packed += trial.digest()[: TRIAL_ID_LENGTH // 2]
         return TrialIds.of_bytes(packed)
 
     def trial(self, position: int) -> ChangeTrial:
@@ -407,6 +407,14 @@ class ChangeBlock(Block):
         """Have some of the `variants` keep their labels."""
         firsts = range(0, len(self), self._repeats)
         self._kept = frozenset(i for i in firsts if self.trial(i).trial_id in trial_ids)
+
+    def method(self, position: int) -> tuple[str, str | None]:
+        """The name of the segmenter, and its options as JSON."""
+        return self._named_method
+
+    @cached_property
+    def _named_method(self) -> tuple[str, str | None]:
+        return super().method(0)
 
     def examples(self) -> list[ChangeTrial]:
         """The first trial."""
@@ -605,9 +613,11 @@ class Change(Experiment):
         names = choose_models([block.model.name for block in blocks], gallery.models)
         shown = [block for block in blocks if block.model.name in names]
         firsts = [trial for block in shown for trial in block.variants()]
-        chosen = {
-            trial.trial_id for line in choose_trials(firsts, None, names, gallery.columns) for trial in line
-        } if names else set()
+        chosen = (
+            {trial.trial_id for line in choose_trials(firsts, None, names, gallery.columns) for trial in line}
+            if names
+            else set()
+        )
         for block in shown:
             block.keep_labels(chosen)
         return blocks

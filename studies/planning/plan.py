@@ -11,7 +11,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.planning.trial import Trial, planned_row
+from studies.planning.trial import Trial, options_of, planned_row
 from studies.planning.trial_ids import TrialIds
 
 
@@ -26,6 +26,11 @@ class Block(Sequence[Trial]):
     @abstractmethod
     def trial(self, position: int) -> Trial:
         """The trial at a position."""
+
+    def method(self, position: int) -> tuple[str, str | None]:
+        """The name of the method of a trial, and its options as JSON."""
+        trial = self.trial(position)
+        return trial.segmenter_name, options_of(trial)
 
     def examples(self) -> Iterable[Trial]:
         """Trials among which there is one of every model of the block."""
@@ -152,10 +157,17 @@ class Plan(Sequence[Trial]):
         """The trials with some ids that are in the plan."""
         listed = TrialIds(ids)
         return {
-            trial_id: self[int(i)]
-            for trial_id, i in zip(listed, self.ids.positions(listed), strict=True)
-            if i >= 0
+            trial_id: self[int(i)] for trial_id, i in zip(listed, self.ids.positions(listed), strict=True) if i >= 0
         }
+
+    def methods(self, ids: TrialIds) -> list[tuple[str | None, str | None]]:
+        """The name of the method of trials, and its options as JSON; None for trials that are not planned."""
+        positions = self._all_ids.positions(ids)
+        numbers = np.searchsorted(self._starts, positions, side="right") - 1
+        return [
+            self._blocks[number].method(position) if number >= 0 else (None, None)
+            for number, position in zip(numbers.tolist(), (positions - self._starts[numbers]).tolist(), strict=True)
+        ]
 
     def groups(self) -> Iterator[Sequence[Trial]]:
         """The trials that share what is prepared for them, group by group."""

@@ -66,7 +66,9 @@ class TrialIds(Sequence[str]):
             for start in range(0, len(text), size * _MANY):
                 block = text[start : start + size * _MANY]
                 digits = np.frombuffer(block, np.uint8).reshape(-1, size)[:, :-1]
-                if not (((digits >= ord("0")) & (digits <= ord("9"))) | ((digits >= ord("a")) & (digits <= ord("f")))).all():
+                if not (
+                    ((digits >= ord("0")) & (digits <= ord("9"))) | ((digits >= ord("a")) & (digits <= ord("f")))
+                ).all():
                     break
                 packed += bytes.fromhex(digits.tobytes().decode("ascii"))
             else:
