@@ -318,7 +318,7 @@ def _declared_row(row: dict[str, Any], trials: Plan, declared: Collection[str]) 
 
 
 def _store(rows: Sequence[dict[str, Any]], store: storage.RowStore, labels: storage.LabelStore) -> None:
-    """Store rows, at once because waiting for the disk takes most of the time, and their arrays in files of their own."""
+    """Store rows, all at once because waiting for the disk takes most of the time; arrays have files of their own."""
     plain = []
     for row in rows:
         arrays = {name: value for name, value in row.items() if isinstance(value, np.ndarray)}

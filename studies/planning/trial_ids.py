@@ -66,9 +66,8 @@ class TrialIds(Sequence[str]):
             for start in range(0, len(text), size * _MANY):
                 block = text[start : start + size * _MANY]
                 digits = np.frombuffer(block, np.uint8).reshape(-1, size)[:, :-1]
-                if not (
-                    ((digits >= ord("0")) & (digits <= ord("9"))) | ((digits >= ord("a")) & (digits <= ord("f")))
-                ).all():
+                is_decimal = (digits >= ord("0")) & (digits <= ord("9"))
+                if not (is_decimal | ((digits >= ord("a")) & (digits <= ord("f")))).all():
                     break
                 packed += bytes.fromhex(digits.tobytes().decode("ascii"))
             else:

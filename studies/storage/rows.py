@@ -329,7 +329,7 @@ def _blocks_of_lines(path: Path) -> Iterator[bytes]:
 
 
 def _parsed_states(lines: bytes) -> Any:
-    """The id, the status and the seconds of the rows of some lines, as a table; None if any line needs a closer look."""
+    """The ids, statuses and seconds of the rows of some lines, as a table; None if any line needs a closer look."""
     import pyarrow
     from pyarrow import json as arrow_json
 
