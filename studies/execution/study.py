@@ -259,11 +259,14 @@ def _run_missing(study: Study, missing: Plan, store: storage.RowStore, console: 
         ):
             for batch in batches:
                 rows = [_declared_row(row, missing, declared) for row in batch]
+                failed = next((i for i, row in enumerate(rows) if row["status"] != "ok"), None)
+                if study.on_error == "stop" and failed is not None:
+                    rows = rows[: failed + 1]
                 _store(rows, store, labels)
                 for row in rows:
                     progress.count(row["status"])
                     _show_traceback(row, study.engine, progress.console)
-                if study.on_error == "stop" and any(row["status"] != "ok" for row in rows):
+                if study.on_error == "stop" and failed is not None:
                     return STOPPED
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -340,7 +343,7 @@ def _results(
     from studies.storage.merging import in_order
 
     columns = row_columns(study.experiment)
-    if _is_large(trials, study):
+    if _is_large(int(np.count_nonzero(store.status.of(trials.ids) >= 0)), study):
         path = place.part / storage.TABLE_FILE
         batches = store.batches(made.trial_ids, columns)
         storage.write_in_order(path, ((_with_methods(rows, trials), positions) for rows, positions in batches))
@@ -362,9 +365,9 @@ def _results(
     )
 
 
-def _is_large(trials: Plan, study: Study) -> bool:
+def _is_large(n_rows: int, study: Study) -> bool:
     """Whether the rows are so many that their table is written before they are read."""
-    return len(trials) > storage.MOST_ROWS and not study.experiment.gathers
+    return n_rows > storage.MOST_ROWS and not study.experiment.gathers
 
 
 def _with_methods(rows: pd.DataFrame, trials: Plan) -> pd.DataFrame:
@@ -400,7 +403,7 @@ def _write_results(study: Study, results: Results, plan: Plan, ended_early: str,
     from studies.reporting.html.study_page import write_study_page
     from studies.reporting.write import draw_pictures, make_scenes, write_tables
 
-    write_tables(results, console, rows=not _is_large(plan, study))
+    write_tables(results, console, rows=not _is_large(len(results.rows), study))
     scenes = None
     for stem in results.experiment.unwanted_pictures():
         (study.folder / f"{stem}.png").unlink(missing_ok=True)

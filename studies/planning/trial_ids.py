@@ -60,19 +60,24 @@ class TrialIds(Sequence[str]):
             If it is not ASCII.
         """
         size = 2 * WIDTH + 1
-        lines = np.frombuffer(text, np.uint8)
-        if len(text) % size == 0 and (lines[size - 1 :: size] == ord("\n")).all():
-            packed = bytearray()
-            for start in range(0, len(text), size * _MANY):
-                block = text[start : start + size * _MANY]
-                digits = np.frombuffer(block, np.uint8).reshape(-1, size)[:, :-1]
-                is_decimal = (digits >= ord("0")) & (digits <= ord("9"))
-                if not (is_decimal | ((digits >= ord("a")) & (digits <= ord("f")))).all():
-                    break
-                packed += bytes.fromhex(digits.tobytes().decode("ascii"))
-            else:
-                return cls.of_bytes(packed)
+        if len(text) % size == 0:
+            lines = np.frombuffer(text, np.uint8).reshape(-1, size)
+            ids = cls.of_digits(lines[:, :-1]) if (lines[:, -1] == ord("\n")).all() else None
+            if ids is not None:
+                return ids
         return cls(text.decode("ascii").splitlines())
+
+    @classmethod
+    def of_digits(cls, digits: NDArray[np.uint8]) -> TrialIds | None:
+        """Ids from (n, 24) characters; None if some of them are no digests."""
+        packed = bytearray()
+        for start in range(0, len(digits), _MANY):
+            block = digits[start : start + _MANY]
+            is_decimal = (block >= ord("0")) & (block <= ord("9"))
+            if not (is_decimal | ((block >= ord("a")) & (block <= ord("f")))).all():
+                return None
+            packed += bytes.fromhex(block.tobytes().decode("ascii"))
+        return cls.of_bytes(packed)
 
     @classmethod
     def joined(cls, parts: Iterable[TrialIds]) -> TrialIds:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.columns import Column, dtypes
-from studies.planning.trial_ids import TrialIds
+from studies.planning.trial_ids import WIDTH, TrialIds
 from studies.storage.atomic import atomic_write
 from studies.storage.folders import PLAN_FILE, ROWS_FILE, TABLE_FILE, move_to_backup, read_plan, table_is_current
 from studies.storage.statuses import Statuses
@@ -126,10 +126,10 @@ class StoredRows:
                 for line in lines.splitlines(keepends=True):
                     self._note_parsed(parse_line(line))
                 continue
-            seconds = columns["seconds"].drop_null()
-            self._seconds += math.fsum(seconds.to_pylist())
+            seconds = columns["seconds"].drop_null().to_numpy()
+            self._seconds += math.fsum(seconds)
             self._n_timed += len(seconds)
-            noted.append((TrialIds(columns["trial_id"].to_pylist()), columns["status"].to_pylist()))
+            noted.append((_ids_in(columns["trial_id"]), _texts_in(columns["status"])))
             if sum(len(ids) for ids, _ in noted) >= _MANY_ROWS:
                 self._note_all(noted)
                 noted.clear()
@@ -348,6 +348,25 @@ def _parsed_states(lines: bytes) -> Any:
     if table.num_rows != n_lines or table["trial_id"].null_count or table["status"].null_count:
         return None
     return None if b"\\ud" in lines.lower() else table
+
+
+def _ids_in(column: Any) -> TrialIds:
+    """The ids in a column of pyarrow."""
+    array = column.combine_chunks()
+    _, offsets, characters = array.buffers()
+    bounds = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
+    if (np.diff(bounds) == 2 * WIDTH).all():
+        digits = np.frombuffer(characters, np.uint8)[bounds[0] : bounds[-1]].reshape(-1, 2 * WIDTH)
+        ids = TrialIds.of_digits(digits)
+        if ids is not None:
+            return ids
+    return TrialIds(array.to_pylist())
+
+
+def _texts_in(column: Any) -> list[str]:
+    """The texts in a column of pyarrow, of which few are different."""
+    encoded = column.combine_chunks().dictionary_encode()
+    return np.array(encoded.dictionary.to_pylist(), dtype=object)[encoded.indices.to_numpy()].tolist()
 
 
 def parse_rows(path: Path) -> Iterator[dict[str, Any] | None]:
