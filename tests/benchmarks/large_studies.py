@@ -24,6 +24,8 @@ from pathlib import Path
 
 import psutil
 
+from studies.datasets import Dataset, Model
+
 SIZES = (100_000, 1_000_000)
 MODELS = 100
 LEVELS = 10
@@ -113,26 +115,31 @@ def _outcome(task):
     return planned_row(task.trial) | ROW
 
 
+@dataclass(frozen=True)
+class Named(Model):
+    """A model without a mesh."""
+
+    def load(self):
+        raise NotImplementedError
+
+    def digest(self):
+        return self.name * 8
+
+
+class Names(Dataset):
+    """Models without meshes."""
+
+    name = "names"
+
+    def models(self):
+        return [Named(f"model{i:04d}", "") for i in range(MODELS)]
+
+
 def study_of(n, folder, engine=None):
     """A study of ``n`` trials of models without meshes."""
-    from studies.datasets import Dataset, Model
     from studies.experiments.change import Change
     from studies.planning.configuration import Study
     from studies.segmenters import make_segmenter
-
-    @dataclass(frozen=True)
-    class Named(Model):
-        def load(self):
-            raise NotImplementedError
-
-        def digest(self):
-            return self.name * 8
-
-    class Names(Dataset):
-        name = "names"
-
-        def models(self):
-            return [Named(f"model{i:04d}", "") for i in range(MODELS)]
 
     return Study(
         name="large",
