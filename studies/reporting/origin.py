@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from studies.planning.titles import full_title, subset
+from studies.planning.trial_ids import TrialIds
 from studies.storage.placement import Origin
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ class MadeFrom:
         the title of the study, with dataset, methods, and how much of the dataset it is about
     origin : Origin
         configuration, meshes and versions of methods
-    trial_ids : sequence of str
+    trial_ids : TrialIds
         the plan
     command : str
         the command that makes the results again
@@ -37,7 +38,7 @@ class MadeFrom:
 
     title: str
     origin: Origin
-    trial_ids: Sequence[str]
+    trial_ids: TrialIds
     command: str = ""
     swept: Mapping[str, str] | None = None
     n_models_of: int | None = None

@@ -293,9 +293,9 @@ def _listed(folder: Path) -> TrialIds:
     return listed if listed is not None else TrialIds(row["trial_id"] for row in _stored(folder, ()))
 
 
-def _stored(folder: Path, columns: Sequence[str] = (*SLOT, DRAW)) -> list[dict[str, Any]]:
+def _stored(folder: Path, further: Sequence[str] = (*SLOT, DRAW)) -> list[dict[str, Any]]:
     """The stored rows of the folder's last plan, with the columns of ``SLOT``; none if they cannot be read."""
-    names = ["trial_id", *columns]
+    names = ["trial_id", *further]
     if table_is_current(folder):
         try:
             columns = read_table_columns(folder / TABLE_FILE, names)
