@@ -21,6 +21,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from heatwalk.numerics.sparse import diagonal_block, permute_symmetric, scale_symmetric
+from heatwalk.numerics.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -150,6 +151,7 @@ class SpectrumSolver:
     array([[0.  , 1.  , 1.  , 2.  , 3.99, 3.99]])
     """
 
+    @one_blas_thread()
     def __init__(
         self,
         stiffness: "sp.csc_array",
@@ -172,6 +174,7 @@ class SpectrumSolver:
             for start, stop in pairwise(bounds)
         ]
 
+    @one_blas_thread()
     def up_to(self, limit: float) -> Spectrum:
         """Compute every eigenpair with an eigenvalue of at most ``limit``, and all of the eigenspace of the last one.
 

@@ -1,0 +1,212 @@
+"""How many threads work on one mesh: results do not depend on it.
+
+Every loop that is shared out is cut into tasks that write to places of their own, or whose results are put together in
+a fixed order. So each number is the result of the same operations in the same order for any number of threads, and the
+labels are equal bit for bit.
+
+BLAS has one thread meanwhile: its matrices are small here, and its idle threads, which wait in a loop for the next
+product, would take the processors from the threads that work.
+"""
+
+import contextlib
+import operator
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextvars import ContextVar
+from functools import cache
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+
+
+class _Workers:
+    """The threads of one call, started when there is something to share out."""
+
+    def __init__(self, number: int | None) -> None:
+        self._number = number
+        self._pool: ThreadPoolExecutor | None = None
+
+    @property
+    def number(self) -> int:
+        """How many threads, at least 1."""
+        if self._number is None:
+            self._number = available_threads()
+        return self._number
+
+    @property
+    def pool(self) -> ThreadPoolExecutor:
+        """As many threads, without BLAS threads of their own (where BLAS uses OpenMP, limits are per thread)."""
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self.number, "heatwalk", _limit_blas)
+        return self._pool
+
+    def stop(self) -> None:
+        """End the threads once they have done what they are at."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+
+# The threads that the current call may use; none within one of these threads, and outside `working_threads`.
+_workers: ContextVar[_Workers | None] = ContextVar("heatwalk_threads", default=None)
+
+
+@contextlib.contextmanager
+def working_threads(number: int | None) -> Iterator[None]:
+    """Within this ``with`` statement, `shared` uses so many threads, and BLAS one.
+
+    Parameters
+    ----------
+    number : int or None
+        at least 1; None for `available_threads`
+
+    Raises
+    ------
+    ValueError
+        if the number is not a positive integer
+
+    Examples
+    --------
+    >>> with working_threads(2):
+    ...     shared(abs, [-1, -2])
+    [1, 2]
+    """
+    number = checked(number)
+    with one_blas_thread():
+        workers = _Workers(number)
+        before = _workers.set(workers)
+        try:
+            yield
+        finally:
+            _workers.reset(before)
+            workers.stop()
+
+
+def with_threads(number: int | None, function: Callable[..., Result], *arguments: Any) -> Result:
+    """``function(*arguments)`` within `working_threads`."""
+    with working_threads(number):
+        return function(*arguments)
+
+
+def checked(number: int | None) -> int | None:
+    """The number of threads as an int, or None; ValueError if it is not positive."""
+    if number is None:
+        return None
+    try:
+        value = operator.index(number)
+    except TypeError:
+        value = 0
+    if value < 1:
+        raise ValueError(f"threads must be a positive integer, or None for all processors, got {number!r}")
+    return value
+
+
+def available_threads() -> int:
+    """The threads of a call that is not told how many.
+
+    Returns
+    -------
+    int
+        the first number of the environment variable ``OMP_NUM_THREADS`` if that is set, as schedulers of clusters do;
+        otherwise the processors that this process may use, by its affinity and the limits of its container
+
+    Examples
+    --------
+    >>> available_threads() >= 1
+    True
+    """
+    limit = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    if limit.isdecimal() and int(limit) > 0:
+        return int(limit)
+    import loky  # not above: it takes longer to import than small meshes to segment
+
+    return loky.cpu_count()
+
+
+def number_of_threads() -> int:
+    """How many threads `shared` uses here."""
+    workers = _workers.get()
+    return 1 if workers is None else workers.number
+
+
+def shared(function: Callable[..., Result], *arguments: Iterable[Any]) -> list[Result]:
+    """``list(map(function, *arguments))`` on the threads of the current call, which must not depend on the order.
+
+    The function should leave Python's lock, as compiled loops and NumPy do, and each task should take much longer than
+    the ten microseconds for handing it over.
+
+    Examples
+    --------
+    >>> shared(pow, [2, 3], [3, 2])
+    [8, 9]
+    """
+    return results(started(function, *arguments))
+
+
+def started(function: Callable[..., Result], *arguments: Iterable[Any]) -> "list[Future[Result]]":
+    """The tasks of `shared`, begun in this order: each may wait for results of those before it."""
+    tasks = list(zip(*arguments, strict=True))
+    workers = _workers.get()
+    if workers is None or len(tasks) < 2 or workers.number == 1:
+        return [_done(function, *task) for task in tasks]
+    return [workers.pool.submit(function, *task) for task in tasks]
+
+
+def results(futures: "Iterable[Future[Result]]") -> list[Result]:
+    """The results of tasks, once they are there; the error of the first of them that failed."""
+    return [future.result() for future in futures]
+
+
+def _done(function: Callable[..., Result], *task: Any) -> "Future[Result]":
+    """A task that this thread has done."""
+    future: Future[Result] = Future()
+    future.set_result(function(*task))
+    return future
+
+
+class _BlasLimit(contextlib.ContextDecorator):
+    """One BLAS thread while any call needs it; then as many as before the first of them."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._calls = 0
+        self._limit: Any = None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._calls == 0:
+                self._limit = _limit_blas()
+            self._calls += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._calls -= 1
+            if self._calls == 0:
+                self._limit.restore_original_limits()
+
+
+_blas_limit = _BlasLimit()
+
+
+def one_blas_thread() -> _BlasLimit:
+    """Within this ``with`` statement, or a function decorated by it, BLAS has one thread; it may be nested.
+
+    Takes microseconds.
+    The number is one for the whole process: it is set back when no call of any thread needs it any longer.
+    """
+    return _blas_limit
+
+
+def _limit_blas() -> Any:
+    """Give BLAS one thread; returns what `restore_original_limits` is a method of."""
+    return _blas().limit(limits=1)
+
+
+@cache
+def _blas() -> Any:
+    """The BLAS libraries of NumPy and SciPy; finding them takes a millisecond."""
+    import scipy.linalg  # noqa: F401 (loads its own)
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController().select(user_api="blas")
