@@ -20,6 +20,9 @@ from typing import Any, TypeVar
 
 Result = TypeVar("Result")
 
+# On smaller meshes, handing out the work takes as long as it saves.
+LEAST_VERTICES = 10_000
+
 
 class _Workers:
     """The threads of one call, started when there is something to share out."""
@@ -50,6 +53,9 @@ class _Workers:
 
 # The threads that the current call may use; none within one of these threads, and outside `working_threads`.
 _workers: ContextVar[_Workers | None] = ContextVar("heatwalk_threads", default=None)
+
+# The vertices of the smallest mesh on which to share work.
+_least_shared: ContextVar[int] = ContextVar("heatwalk_least_shared", default=LEAST_VERTICES)
 
 
 @contextlib.contextmanager
@@ -130,6 +136,28 @@ def number_of_threads() -> int:
     return 1 if workers is None else workers.number
 
 
+def worth_sharing(n_vertices: int) -> bool:
+    """Whether sharing the work on so many vertices saves more time than it costs, if there are threads for it."""
+    return n_vertices >= _least_shared.get() and number_of_threads() > 1
+
+
+@contextlib.contextmanager
+def sharing_everything() -> Iterator[None]:
+    """Within this ``with`` statement, even the work on small meshes is shared: to test and to compile it.
+
+    Examples
+    --------
+    >>> with sharing_everything(), working_threads(2):
+    ...     worth_sharing(1)
+    True
+    """
+    before = _least_shared.set(0)
+    try:
+        yield
+    finally:
+        _least_shared.reset(before)
+
+
 def shared(function: Callable[..., Result], *arguments: Iterable[Any]) -> list[Result]:
     """``list(map(function, *arguments))`` on the threads of the current call, which must not depend on the order.
 
@@ -144,25 +172,28 @@ def shared(function: Callable[..., Result], *arguments: Iterable[Any]) -> list[R
     return results(started(function, *arguments))
 
 
-def started(function: Callable[..., Result], *arguments: Iterable[Any]) -> "list[Future[Result]]":
-    """The tasks of `shared`, begun in this order: each may wait for results of those before it."""
+def started(
+    function: Callable[..., Result], *arguments: Iterable[Any], into: "list[Future[Result]] | None" = None
+) -> "list[Future[Result]]":
+    """The tasks of `shared`, begun in this order.
+
+    They are appended to ``into``, so that each may wait for the results of those before it.
+    """
+    futures = [] if into is None else into
     tasks = list(zip(*arguments, strict=True))
     workers = _workers.get()
-    if workers is None or len(tasks) < 2 or workers.number == 1:
-        return [_done(function, *task) for task in tasks]
-    return [workers.pool.submit(function, *task) for task in tasks]
+    for task in tasks:
+        if workers is None or len(tasks) < 2 or workers.number == 1:
+            futures.append(Future())
+            futures[-1].set_result(function(*task))
+        else:
+            futures.append(workers.pool.submit(function, *task))
+    return futures
 
 
 def results(futures: "Iterable[Future[Result]]") -> list[Result]:
     """The results of tasks, once they are there; the error of the first of them that failed."""
     return [future.result() for future in futures]
-
-
-def _done(function: Callable[..., Result], *task: Any) -> "Future[Result]":
-    """A task that this thread has done."""
-    future: Future[Result] = Future()
-    future.set_result(function(*task))
-    return future
 
 
 class _BlasLimit(contextlib.ContextDecorator):
