@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dtrsm
 
 from heatwalk.numerics.compilation import compiled
-
-# Blocks of the basis that are stored together.
-BLOCKS_PER_CHUNK = 4
+from heatwalk.numerics.threads import shared
 
 # Rows of the basis that are combined at a time.
 STRIPE = 2**13
@@ -85,30 +83,16 @@ class Basis:
     """
 
     def __init__(self, block: Array) -> None:
-        self._columns = BLOCKS_PER_CHUNK * block.shape[1]
-        self._chunks: list[Array] = []
-        self._blocks: list[Array] = []
-        self._used = self._columns  # columns of the last chunk
-        self.append(block)
+        self._blocks = [block]
 
     def append(self, block: Array) -> None:
-        """Add a block of orthonormal columns, orthogonal to the present ones."""
-        n, width = block.shape
-        if self._used == self._columns:
-            self._chunks.append(np.empty((n, self._columns), order="F"))
-            self._used = 0
-        self._blocks.append(self._chunks[-1][:, self._used : self._used + width])
-        self._blocks[-1][:] = block
-        self._used += width
+        """Add a block of orthonormal columns, orthogonal to the present ones; it is not copied."""
+        self._blocks.append(block)
 
     @property
     def last(self) -> Array:
         """The block added last."""
         return self._blocks[-1]
-
-    def _filled(self) -> list[Array]:
-        """The chunks, the last one as far as it is filled."""
-        return [*self._chunks[:-1], self._chunks[-1][:, : self._used]]
 
     def split(self, block: Array) -> tuple[Array, Array, Array]:
         """``block`` = basis @ inner + rest @ coupling, with rest orthonormal and orthogonal to the basis.
@@ -124,28 +108,32 @@ class Basis:
 
     def remove_components(self, block: Array) -> tuple[Array, Array]:
         """Coefficients of ``block`` in the basis, and what remains of it; overwrites it."""
-        return _remove_components(self._filled(), block)
+        return _remove_components(self._blocks, block)
 
     def combine(self, mix: Array) -> Array:
         """basis @ ``mix``, with at most as many columns as the basis, which is lost: the result reuses its memory."""
-        n, columns = len(self.last), mix.shape[1]
-        chunks, self._chunks, self._blocks = self._filled(), [], []
-        for start in range(0, n, STRIPE):
-            stripe = np.concatenate([chunk[start : start + STRIPE] for chunk in chunks], axis=1) @ mix
-            for i in range(0, columns, self._columns):
-                part = stripe[:, i : i + self._columns]
-                chunks[i // self._columns][start : start + STRIPE, : part.shape[1]] = part
-        del chunks[-(-columns // self._columns) :]
+        (n, width), columns = self.last.shape, mix.shape[1]
+        blocks, self._blocks = self._blocks, []
+
+        def combine_rows(start: int) -> None:
+            rows = slice(start, start + STRIPE)
+            stripe = np.concatenate([block[rows] for block in blocks], axis=1) @ mix
+            for i in range(0, columns, width):
+                part = stripe[:, i : i + width]
+                blocks[i // width][rows, : part.shape[1]] = part
+
+        shared(combine_rows, range(0, n, STRIPE))
+        del blocks[-(-columns // width) :]
         result = np.empty((n, columns), order="F")
-        for i, chunk in enumerate(chunks):
-            part = result[:, i * self._columns : (i + 1) * self._columns]
-            part[:] = chunk[:, : part.shape[1]]
+        for i, block in enumerate(blocks):
+            part = result[:, i * width : (i + 1) * width]
+            part[:] = block[:, : part.shape[1]]
         return result
 
 
-def _remove_components(chunks: Sequence[Array], block: Array) -> tuple[Array, Array]:
-    """Coefficients of ``block`` in the orthonormal columns of ``chunks``, and what remains of it; overwrites it."""
-    return np.concatenate([_project(chunk.T, block.T) for chunk in chunks]), block
+def _remove_components(blocks: Sequence[Array], block: Array) -> tuple[Array, Array]:
+    """Coefficients of ``block`` in the orthonormal columns of ``blocks``, and what remains of it; overwrites it."""
+    return np.concatenate([_project(each.T, block.T) for each in blocks]), block
 
 
 @compiled

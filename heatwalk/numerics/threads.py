@@ -13,7 +13,7 @@ import operator
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextvars import ContextVar
 from functools import cache
 from typing import Any, TypeVar
@@ -22,6 +22,9 @@ Result = TypeVar("Result")
 
 # On smaller meshes, handing out the work takes as long as it saves.
 LEAST_VERTICES = 10_000
+
+# Pieces of a loop per thread: the threads may not be equally fast, nor the pieces equally long.
+PIECES_PER_THREAD = 4
 
 
 class _Workers:
@@ -189,6 +192,46 @@ def started(
         else:
             futures.append(workers.pool.submit(function, *task))
     return futures
+
+
+def spread(function: Callable[..., Iterable[tuple[Any, ...]]], *arguments: Any) -> None:
+    """Call a function, and again with each tuple of arguments that it returns, in any order.
+
+    Examples
+    --------
+    >>> def halve(n: int) -> list[tuple[int]]:
+    ...     print(n)
+    ...     return [(n // 2,)] if n > 1 else []
+    >>> spread(halve, 4)
+    4
+    2
+    1
+    """
+    workers = _workers.get()
+    if workers is None or workers.number == 1:
+        todo = [arguments]
+        while todo:
+            todo += function(*todo.pop())
+        return
+    running = {workers.pool.submit(function, *arguments)}
+    while running:
+        done, running = wait(running, return_when=FIRST_COMPLETED)
+        for more in results(done):
+            running |= {workers.pool.submit(function, *each) for each in more}
+
+
+def pieces(size: int, multiple: int = 1) -> list[tuple[int, int]]:
+    """Bounds of about equal pieces of 0 … ``size``, each start a multiple, for `shared` with a few per thread.
+
+    Examples
+    --------
+    >>> pieces(10)
+    [(0, 10)]
+    """
+    if not worth_sharing(size):
+        return [(0, size)]
+    length = -(-size // (PIECES_PER_THREAD * number_of_threads() * multiple)) * multiple
+    return [(start, min(start + length, size)) for start in range(0, size, length)]
 
 
 def results(futures: "Iterable[Future[Result]]") -> list[Result]:
