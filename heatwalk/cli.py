@@ -354,6 +354,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
     from heatwalk.io.seg import seg_bytes
     from heatwalk.meshes import MeshError
     from heatwalk.numerics.compilation import announced
+    from heatwalk.numerics.threads import with_threads
     from heatwalk.robust.options import Options
     from heatwalk.robust.segmentation import segment_robust
     from heatwalk.segmentation import segment
@@ -392,7 +393,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
             segmentation.labels,
             dissipator=len(segmentation.exemplars),
             comments=[_digest_comment(seg_bytes(segmentation.face_labels))],
-            properties=_vertex_properties(segmentation),
+            properties=with_threads(arguments.threads, _vertex_properties, segmentation),
         )
         write_seg(labels_output, segmentation.face_labels)
     except OSError as error:

@@ -13,8 +13,8 @@ from heatwalk.confidence import label_margin
 from heatwalk.dissipators import divergence_from_uniform, relative_entropy_excess
 from heatwalk.kernel import HeatKernel, largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
-from heatwalk.meshes import check_mesh, repeats_earlier_face
-from heatwalk.numerics.threads import one_blas_thread, with_threads, working_threads
+from heatwalk.meshes import check_mesh, without_repeated_faces
+from heatwalk.numerics.threads import one_blas_thread, sharing_everything, with_threads, working_threads
 from heatwalk.spectrum import Spectrum, SpectrumSolver
 
 # Increased when a change of the code changes labels, so that stored results of older versions are not reused.
@@ -229,9 +229,10 @@ def segment_at_times(
     with working_threads(threads):
         stopwatch = Stopwatch()
         vertices, faces = check_mesh(vertices, faces)
-        surface = faces[~repeats_earlier_face(faces)]
+        surface = without_repeated_faces(faces)
         stiffness, mass = stiffness_and_mass(unit_area(vertices, surface), surface)
         component = vertex_components(len(vertices), faces)
+        del vertices, surface
         shared_seconds = {"operator": stopwatch.lap()}
 
         solver = SpectrumSolver(stiffness, mass, component)
@@ -277,7 +278,8 @@ def compile_ahead() -> None:
     --------
     >>> compile_ahead()
     """
-    segment(*bent_torus())
+    with sharing_everything():
+        segment(*bent_torus(), threads=2)
 
 
 def bent_torus(n: int = 20) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

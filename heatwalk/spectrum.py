@@ -12,16 +12,17 @@ for each connected component:
 check the residual of every pair
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import islice, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from heatwalk.numerics.sparse import diagonal_block, permute_symmetric, scale_symmetric
-from heatwalk.numerics.threads import one_blas_thread, shared
+from heatwalk.numerics.threads import Result, one_blas_thread, serial, shared, worth_sharing
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -274,7 +275,7 @@ class _Component:
             error = np.linalg.norm(self.root_mass * (self.matrix @ u - value * u))
             return float(error / (np.linalg.norm(self.root_mass * u) * max(value, 1.0)))
 
-        largest = max(shared(residual, values, vectors.T), default=0.0)
+        largest = max(self._for_each(residual, values, vectors.T), default=0.0)
         if not largest <= self.max_residual:
             raise SpectrumError(
                 f"the eigenpairs of {_describe(self.vertices)} have a residual of {largest:.1e}, more than "
@@ -375,8 +376,12 @@ class _Component:
         def project(side: NDArray[np.float64]) -> None:
             side -= (self.constant @ side) * self.constant
 
-        shared(project, block.T)
+        self._for_each(project, block.T)
         return block
+
+    def _for_each(self, function: Callable[..., Result], *columns: Iterable[Any]) -> list[Result]:
+        """What a function returns for each column, in parallel if the columns are long."""
+        return (shared if worth_sharing(len(self.vertices)) else serial)(function, *columns)
 
 
 def _has_converged(theta: NDArray[np.float64], error: NDArray[np.float64], count: int) -> bool:

@@ -175,6 +175,11 @@ def shared(function: Callable[..., Result], *arguments: Iterable[Any]) -> list[R
     return results(started(function, *arguments))
 
 
+def serial(function: Callable[..., Result], *arguments: Iterable[Any]) -> list[Result]:
+    """The same as `shared`, by the thread that calls it."""
+    return list(map(function, *arguments))
+
+
 def started(
     function: Callable[..., Result], *arguments: Iterable[Any], into: "list[Future[Result]] | None" = None
 ) -> "list[Future[Result]]":
@@ -245,19 +250,21 @@ class _BlasLimit(contextlib.ContextDecorator):
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._calls = 0
-        self._limit: Any = None
+        self._before: list[int] = []
 
     def __enter__(self) -> None:
         with self._lock:
             if self._calls == 0:
-                self._limit = _limit_blas()
+                self._before = [library.get_num_threads() for library in _blas()]
+                _limit_blas()
             self._calls += 1
 
     def __exit__(self, *_: object) -> None:
         with self._lock:
             self._calls -= 1
             if self._calls == 0:
-                self._limit.restore_original_limits()
+                for library, number in zip(_blas(), self._before, strict=True):
+                    _set_threads(library, number)
 
 
 _blas_limit = _BlasLimit()
@@ -272,15 +279,25 @@ def one_blas_thread() -> _BlasLimit:
     return _blas_limit
 
 
-def _limit_blas() -> Any:
-    """Give BLAS one thread; returns what `restore_original_limits` is a method of."""
-    return _blas().limit(limits=1)
+def _limit_blas() -> None:
+    """Give BLAS one thread."""
+    for library in _blas():
+        _set_threads(library, 1)
+
+
+def _set_threads(library: Any, number: int) -> None:
+    """Set the number of threads of a BLAS library.
+
+    threadpoolctl lets only one thread of Python do so, the first that did, lest several set back each other's numbers.
+    Here, calls are counted instead, and may come from any thread.
+    """
+    getattr(library, "_real_set_num_threads", library.set_num_threads)(number)
 
 
 @cache
-def _blas() -> Any:
+def _blas() -> list[Any]:
     """The BLAS libraries of NumPy and SciPy; finding them takes a millisecond."""
     import scipy.linalg  # noqa: F401 (loads its own)
     from threadpoolctl import ThreadpoolController
 
-    return ThreadpoolController().select(user_api="blas")
+    return ThreadpoolController().select(user_api="blas").lib_controllers

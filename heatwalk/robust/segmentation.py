@@ -14,8 +14,8 @@ from heatwalk.confidence import dissipator_margin, walk_margin
 from heatwalk.dissipators import relative_entropy_excess
 from heatwalk.kernel import largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
-from heatwalk.meshes import check_mesh, mesh_edges, repeats_earlier_face
-from heatwalk.numerics.threads import one_blas_thread, with_threads, working_threads
+from heatwalk.meshes import check_mesh, mesh_edges, without_repeated_faces
+from heatwalk.numerics.threads import one_blas_thread, sharing_everything, with_threads, working_threads
 from heatwalk.robust import scale
 from heatwalk.robust.averaging import averaged_kernel
 from heatwalk.robust.cuts import CutGraph
@@ -224,7 +224,7 @@ def segment_robust_at_times(
     with working_threads(threads):
         stopwatch = Stopwatch()
         vertices, faces = check_mesh(vertices, faces)
-        surface = faces[~repeats_earlier_face(faces)]
+        surface = without_repeated_faces(faces)
         seconds = {"operator": stopwatch.lap()}
 
         metric = repaired(vertices, surface, options.repair)
@@ -277,7 +277,8 @@ def compile_ahead() -> None:
     vertices, faces = bent_torus()
     vertices[100] *= 1.5  # a spike, and two holes: one triangle, and all around a vertex but one
     missing = np.flatnonzero((faces == 250).any(axis=1))[1:]
-    segment_robust(vertices, np.delete(faces, [0, *missing], axis=0))
+    with sharing_everything():
+        segment_robust(vertices, np.delete(faces, [0, *missing], axis=0), threads=2)
 
 
 class _Shared(NamedTuple):
