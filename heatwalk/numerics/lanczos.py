@@ -86,8 +86,8 @@ class Basis:
         self._blocks = [block]
 
     def append(self, block: Array) -> None:
-        """Add a block of orthonormal columns, orthogonal to the present ones; it is not copied."""
-        self._blocks.append(block)
+        """Add a block of orthonormal columns, orthogonal to the present ones; not copied if it is in Fortran order."""
+        self._blocks.append(np.asfortranarray(block))
 
     @property
     def last(self) -> Array:
