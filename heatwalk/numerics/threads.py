@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextvars import ContextVar
 from functools import cache
+from itertools import count
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
@@ -172,7 +173,35 @@ def shared(function: Callable[..., Result], *arguments: Iterable[Any]) -> list[R
     >>> shared(pow, [2, 3], [3, 2])
     [8, 9]
     """
-    return results(started(function, *arguments))
+    tasks = list(zip(*arguments, strict=True))
+    workers = _workers.get()
+    if workers is None or len(tasks) < 2 or workers.number == 1:
+        return [function(*task) for task in tasks]
+    found: list[Any] = [None] * len(tasks)
+    numbers = count()
+
+    def work() -> None:
+        while (number := next(numbers)) < len(tasks):
+            found[number] = function(*tasks[number])
+
+    helpers = [workers.pool.submit(work) for _ in range(min(workers.number, len(tasks)) - 1)]
+    with _alone():  # this thread works too, and shares nothing meanwhile
+        try:
+            work()
+        finally:
+            wait(helpers)
+    results(helpers)
+    return found
+
+
+@contextlib.contextmanager
+def _alone() -> Iterator[None]:
+    """Within this ``with`` statement, `shared` uses this thread alone."""
+    before = _workers.set(None)
+    try:
+        yield
+    finally:
+        _workers.reset(before)
 
 
 def serial(function: Callable[..., Result], *arguments: Iterable[Any]) -> list[Result]:
@@ -180,23 +209,16 @@ def serial(function: Callable[..., Result], *arguments: Iterable[Any]) -> list[R
     return list(map(function, *arguments))
 
 
-def started(
-    function: Callable[..., Result], *arguments: Iterable[Any], into: "list[Future[Result]] | None" = None
-) -> "list[Future[Result]]":
-    """The tasks of `shared`, begun in this order.
-
-    They are appended to ``into``, so that each may wait for the results of those before it.
-    """
-    futures = [] if into is None else into
+def started(function: Callable[..., Result], *arguments: Iterable[Any], into: "list[Future[Result]]") -> None:
+    """Begin tasks in order, and append them to ``into``, so that each may wait for the results of those before it."""
     tasks = list(zip(*arguments, strict=True))
     workers = _workers.get()
     for task in tasks:
         if workers is None or len(tasks) < 2 or workers.number == 1:
-            futures.append(Future())
-            futures[-1].set_result(function(*task))
+            into.append(Future())
+            into[-1].set_result(function(*task))
         else:
-            futures.append(workers.pool.submit(function, *task))
-    return futures
+            into.append(workers.pool.submit(function, *task))
 
 
 def spread(function: Callable[..., Iterable[tuple[Any, ...]]], *arguments: Any) -> None:
