@@ -84,8 +84,8 @@ def table(rows, peaks, load):
     lines = [
         "# Threads",
         "",
-        "Made by `python -m tests.benchmarks.threads`. Elapsed and CPU seconds of `heatwalk.segment`, and elapsed seconds "
-        f"of its steps. Load average before: {load:.1f} on {os.cpu_count()} processors.",
+        "Made by `python -m tests.benchmarks.threads`. Elapsed and CPU seconds of `heatwalk.segment`, and elapsed "
+        f"seconds of its steps. Load average before: {load:.1f} on {os.cpu_count()} processors.",
         "",
         "| measure | target | reached | |",
         "| --- | --- | --- | --- |",
