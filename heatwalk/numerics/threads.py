@@ -234,13 +234,13 @@ def spread(function: Callable[..., Iterable[tuple[Any, ...]]], *arguments: Any) 
     2
     1
     """
+    todo = list(function(*arguments))
     workers = _workers.get()
     if workers is None or workers.number == 1:
-        todo = [arguments]
         while todo:
             todo += function(*todo.pop())
         return
-    running = {workers.pool.submit(function, *arguments)}
+    running = {workers.pool.submit(function, *each) for each in todo}
     while running:
         done, running = wait(running, return_when=FIRST_COMPLETED)
         for more in results(done):
