@@ -236,7 +236,7 @@ def spread(function: Callable[..., Iterable[tuple[Any, ...]]], *arguments: Any) 
     """
     todo = list(function(*arguments))
     workers = _workers.get()
-    if workers is None or workers.number == 1:
+    if not todo or workers is None or workers.number == 1:
         while todo:
             todo += function(*todo.pop())
         return
