@@ -12,17 +12,16 @@ for each connected component:
 check the residual of every pair
 """
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import islice, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from heatwalk.numerics.sparse import diagonal_block, permute_symmetric, scale_symmetric
-from heatwalk.numerics.threads import Result, one_blas_thread, serial, shared, worth_sharing
+from heatwalk.numerics.threads import one_blas_thread, serial, shared, worth_sharing
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -276,7 +275,8 @@ class _Component:
     def _check_residual(self, values: NDArray[np.float64], vectors: NDArray[np.float64]) -> float:
         """The largest residual; SpectrumError if it is too large."""
         # One pair at a time in each thread, to save memory.
-        return max(self._for_each(self._residual, values, vectors.T), default=0.0)
+        each = shared if worth_sharing(len(vectors)) else serial
+        return max(each(self._residual, values, vectors.T), default=0.0)
 
     def _residual(self, value: float, u: NDArray[np.float64]) -> float:
         """The residual of a pair; SpectrumError if it is too large."""
@@ -385,12 +385,8 @@ class _Component:
         def project(side: NDArray[np.float64]) -> None:
             side -= (self.constant @ side) * self.constant
 
-        self._for_each(project, block.T)
+        (shared if worth_sharing(*block.shape) else serial)(project, block.T)
         return block
-
-    def _for_each(self, function: Callable[..., Result], *columns: Iterable[Any]) -> list[Result]:
-        """What a function returns for each column, in parallel if the columns are long."""
-        return (shared if worth_sharing(len(self.vertices)) else serial)(function, *columns)
 
 
 def _has_converged(theta: NDArray[np.float64], error: NDArray[np.float64], count: int) -> bool:

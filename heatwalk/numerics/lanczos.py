@@ -69,7 +69,7 @@ def lanczos(apply: Callable[[Array], Array], start: Array) -> Iterator[tuple["Ba
     True
     """
     width = start.shape[1]
-    squares = _sum(lambda first, last: _products_with([start], start.T, first, last), len(start))
+    squares = _sum(lambda first, last: _products_with([start], start.T, first, last), *start.shape)
     basis = Basis(_orthonormalise(start, squares)[0])
     projected = np.empty((0, 0))
     while True:
@@ -108,12 +108,18 @@ class Basis:
         def copy(start: int, stop: int) -> None:
             self._blocks[-1][start:stop] = block[start:stop]
 
-        _on_pieces(copy, n)
+        _on_pieces(copy, n, width)
 
     @property
     def last(self) -> Array:
         """The block added last."""
         return self._blocks[-1]
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        """The rows and columns."""
+        n, width = self.last.shape
+        return n, width * len(self._blocks)
 
     def _filled(self) -> list[Array]:
         """The chunks, the last one as far as it is filled."""
@@ -127,27 +133,27 @@ class Basis:
         basis is enough. Each pass is over pieces of the rows, and pieces are shared among threads.
         """
         chunks, recent, rows = self._filled(), self._blocks[-2:], block.T
-        first = _sum(lambda start, stop: _products_with(recent, rows, start, stop), len(block))
+        first = _sum(lambda start, stop: _products_with(recent, rows, start, stop), *recent[0].shape)
 
         def remove_first(start: int, stop: int) -> Array:
             _remove(recent, first, rows, start, stop)
             return _products_with(chunks, rows, start, stop)
 
-        inner = _sum(remove_first, len(block))
+        inner = _sum(remove_first, *self._shape)
 
         def remove_inner(start: int, stop: int) -> Array:
             _remove(chunks, inner, rows, start, stop)
             return _products_with([block], rows, start, stop)
 
-        rest, coupling = _orthonormalise(block, _sum(remove_inner, len(block)))
+        rest, coupling = _orthonormalise(block, _sum(remove_inner, *self._shape))
         inner[-len(first) :] += first
         return inner, rest, coupling
 
     def remove_components(self, block: Array) -> tuple[Array, Array]:
         """Coefficients of ``block`` in the basis, and what remains of it; overwrites it."""
         chunks, rows = self._filled(), block.T
-        coefficients = _sum(lambda start, stop: _products_with(chunks, rows, start, stop), len(block))
-        _on_pieces(lambda start, stop: _remove(chunks, coefficients, rows, start, stop), len(block))
+        coefficients = _sum(lambda start, stop: _products_with(chunks, rows, start, stop), *self._shape)
+        _on_pieces(lambda start, stop: _remove(chunks, coefficients, rows, start, stop), *self._shape)
         return coefficients, block
 
     def combine(self, mix: Array) -> Array:
@@ -171,20 +177,23 @@ class Basis:
         return result
 
 
-def _on_pieces(function: Callable[[int, int], Result], n: int) -> list[Result]:
-    """What a function returns for ranges of 0 … n that begin at multiples of `PIECE`, one for each thread."""
+def _on_pieces(function: Callable[[int, int], Result], n: int, columns: int) -> list[Result]:
+    """What a function returns for ranges of 0 … n that begin at multiples of `PIECE`, one for each thread.
+
+    ``columns`` is how many it works on.
+    """
     n_pieces = -(-n // PIECE)
-    n_ranges = min(number_of_threads(), n_pieces) if worth_sharing(n) else 1
+    n_ranges = min(number_of_threads(), n_pieces) if worth_sharing(n, columns) else 1
     bounds = [min(i * n_pieces // n_ranges * PIECE, n) for i in range(n_ranges + 1)]
     return shared(function, bounds[:-1], bounds[1:])
 
 
-def _sum(function: Callable[[int, int], Array], n: int) -> Array:
+def _sum(function: Callable[[int, int], Array], n: int, columns: int) -> Array:
     """The sum of all rows that a function returns for ranges of 0 … n, a row for each piece.
 
     Neither the pieces nor the order in which they are added depend on the number of threads.
     """
-    return np.concatenate(_on_pieces(function, n)).sum(axis=0)
+    return np.concatenate(_on_pieces(function, n, columns)).sum(axis=0)
 
 
 def _products_with(chunks: Sequence[Array], rows: Array, start: int, stop: int) -> Array:
@@ -275,6 +284,6 @@ def _orthonormalise(block: Array, squares: Array) -> tuple[Array, Array]:
         return _products_with([block], block.T, start, stop)
 
     triangle = first = scipy.linalg.cholesky(squares)
-    triangle = scipy.linalg.cholesky(_sum(divide, len(block)))
-    _on_pieces(lambda start, stop: _divide(block.T, triangle, start, stop), len(block))
+    triangle = scipy.linalg.cholesky(_sum(divide, *block.shape))
+    _on_pieces(lambda start, stop: _divide(block.T, triangle, start, stop), *block.shape)
     return block, triangle @ first

@@ -33,7 +33,7 @@ def measure(size, threads, repeats):
     from tests.helpers.surfaces import surface
 
     vertices, faces = surface(size)
-    small = surface(12_000)
+    small = surface(40_000)
     fastest = {}
     for number in threads:
         heatwalk.segment(*small, threads=number)
