@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.kernel import HeatKernel
-from heatwalk.numerics.threads import shared
+from heatwalk.numerics.threads import PIECES_PER_THREAD, number_of_threads, shared, worth_sharing
 
 # Least density, relative to the largest, inside a logarithm: smaller values are rounding errors of the kernel.
 MIN_DENSITY = 1e-16
@@ -109,7 +109,14 @@ def _excess_of_component(
         weighted = weight * log_ratio
         return weighted.sum(axis=0), (weight * log_ratio**2).sum(axis=0), weighted.T @ centred
 
-    log_sums, square_sums, weighted_sums = (sum(each) for each in zip(*shared(sums, blocks), strict=True))
+    log_sums, square_sums, weighted_sums = np.zeros(len(scale)), np.zeros(len(scale)), np.zeros_like(region_sums)
+    # Some blocks at a time, as their sums may take more memory than all else.
+    n_together = PIECES_PER_THREAD * number_of_threads() if worth_sharing(len(factor)) else 1
+    for start in range(0, len(blocks), n_together):
+        for log_sum, square_sum, weighted_sum in shared(sums, blocks[start : start + n_together]):
+            log_sums += log_sum
+            square_sums += square_sum
+            weighted_sums += weighted_sum
     deviation = np.sqrt(square_sums / whole)
     tolerance = np.where(deviation <= UNIFORM, np.inf, deviation * np.maximum(TIE * deviation, ROUNDING))
 
