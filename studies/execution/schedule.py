@@ -3,7 +3,8 @@
 import pickle
 import time
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 from studies.datasets.in_memory import embed_models
 from studies.execution.engine import Engine, TaskFailure
 from studies.execution.interruption import is_ctrl_c, reason, traceback_of
+from studies.planning.plan import Plan
 from studies.planning.trial import Trial, failed_row, run_trial
 
 Row = dict[str, Any]
@@ -92,9 +94,9 @@ class Schedule:
     """
 
     def __init__(self, trials: Iterable[Trial], remote: bool = False) -> None:
-        self._groups = (list(group) for _, group in groupby(trials, key=lambda trial: trial.group_key))
+        self._groups = trials.groups() if isinstance(trials, Plan) else _listed_groups(trials)
         self._remote = remote
-        self._waiting: dict[Task, list[Trial]] = {}
+        self._waiting: dict[Task, Sequence[Trial]] = {}
         self._ready: deque[Iterator[Measurement]] = deque()  # per group; lazy, a group may have 100,000 trials
 
     def next_task(self) -> Task | None:
@@ -144,7 +146,24 @@ class Schedule:
         return []
 
 
+def _listed_groups(trials: Iterable[Trial]) -> Iterator[Sequence[Trial]]:
+    return (list(group) for _, group in groupby(trials, key=lambda trial: trial.group_key))
+
+
 def run_trials(engine: Engine, trials: Iterable[Trial]) -> Generator[Row, None, None]:
+    """Run trials on an engine; see `run_batches`.
+
+    Yields
+    ------
+    dict
+        a row per trial, as soon as it is made
+    """
+    with closing(run_batches(engine, trials)) as batches:
+        for rows in batches:
+            yield from rows
+
+
+def run_batches(engine: Engine, trials: Iterable[Trial]) -> Generator[list[Row], None, None]:
     """Run trials on an engine.
 
     Parameters
@@ -155,9 +174,9 @@ def run_trials(engine: Engine, trials: Iterable[Trial]) -> Generator[Row, None, 
 
     Yields
     ------
-    dict
-        a row per trial, as soon as it is made. Values may be numpy arrays; see `Trial.measure`. Closing the iterator
-        stops the engine.
+    list of dict
+        a row for each trial that has finished, as soon as there are any. Values may be numpy arrays; see
+        `Trial.measure`. Closing the iterator stops the engine.
     """
     schedule = Schedule(trials, engine.remote)
     with engine.open(run_task) as session:
@@ -166,5 +185,6 @@ def run_trials(engine: Engine, trials: Iterable[Trial]) -> Generator[Row, None, 
                 session.submit(task)
             if not session.pending:
                 return
-            for task, outcome in session.wait():
-                yield from schedule.complete(task, outcome)
+            rows = [row for task, outcome in session.wait() for row in schedule.complete(task, outcome)]
+            if rows:
+                yield rows

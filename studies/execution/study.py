@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,9 @@ import numpy as np
 from studies import storage
 from studies.columns import is_missing
 from studies.experiments.experiment import row_columns
+from studies.planning.plan import PlannedRows
 from studies.planning.trial import failed_row, planned_row
+from studies.planning.trial_ids import TrialIds
 from studies.reporting.origin import MadeFrom
 from studies.reporting.text import count_of
 
@@ -24,12 +27,14 @@ if TYPE_CHECKING:
 
     from studies.execution.engine import Engine
     from studies.planning.configuration import Study
-    from studies.planning.trial import Trial
+    from studies.planning.plan import Plan
     from studies.reporting.results import Results
 
 INTERRUPTED = "interrupted"
 STOPPED = "stopped at a trial that failed (on_error=stop)"
 ERRORS_SHOWN = 5
+NOT_IN_MEMORY = ("applied", "traceback")  # columns that no table needs, of which there may be millions of long texts
+MOST_LISTED = 100_000  # trials among which those that pictures show are chosen; of more, the first repeats
 PLACES_SHOWN = 3  # trials of each error
 
 
@@ -76,13 +81,13 @@ def run_study(study: Study, console: Console) -> Outcome:
     StoreLockedError
         if another process is writing to the study's folder
     """
-    trials = study.plan()
+    trials = study.plan_blocks()
     made = MadeFrom.of(study, trials)
     console.print(f"{made.title}, {count_of(len(trials), 'trial')}", highlight=False)
     for remark in study.remarks:
         console.print(remark, highlight=False, soft_wrap=True)
     gathers = study.experiment.gathers
-    planned = [planned_row(trial) for trial in trials]
+    planned = PlannedRows(trials)
     place = storage.place(study.folder, made.origin, planned, study.fresh, gathers=gathers)
     _report_place(place, study, trials, console)
     further = _further_rows(study, made, planned) if gathers and not study.fresh else {}
@@ -102,7 +107,7 @@ def run_study(study: Study, console: Console) -> Outcome:
         to_run = _missing(study, trials, store)
         _write_plan(made, place, store, reused, ran=bool(to_run))
         ended_early = _run_missing(study, to_run, store, console)
-        results = _results(study, place, made, planned, store)
+        results = _results(study, place, made, trials, store)
         if place.part != place.folder and (place.n_new or to_run):
             _write_whole(place, store)
         if len(results.rows):
@@ -113,7 +118,7 @@ def run_study(study: Study, console: Console) -> Outcome:
     return Outcome(results, ended_early, bool((ours["status"] == "ok").all()) and len(ours) == len(trials))
 
 
-def _report_place(place: storage.Place, study: Study, trials: Sequence[Trial], console: Console) -> None:
+def _report_place(place: storage.Place, study: Study, trials: Plan, console: Console) -> None:
     """Print where results go if that is not the usual folder, and what is there already."""
     if place.folder != study.folder:
         console.print(
@@ -140,7 +145,7 @@ def _report_place(place: storage.Place, study: Study, trials: Sequence[Trial], c
         )
 
 
-def _show_plan(study: Study, trials: Sequence[Trial], console: Console) -> None:
+def _show_plan(study: Study, trials: Plan, console: Console) -> None:
     """Print what a run would do."""
     from studies.reporting.progress import show_plan
 
@@ -157,34 +162,31 @@ def _report_store(store: storage.RowStore, console: Console) -> None:
         console.print(f"  {store.path}: {count_of(store.damaged, 'damaged row')} ignored; {again}")
 
 
-def _missing(study: Study, trials: Sequence[Trial], stored: storage.StoredRows | None) -> list[Trial]:
+def _missing(study: Study, trials: Plan, stored: storage.StoredRows | None) -> Plan:
     """The trials to run: those without a stored row, or with one that is to be replaced."""
-    status = stored.status if stored else {}
-    return [
-        trial
-        for trial in trials
-        if trial.trial_id not in status or (study.retry_failed and status[trial.trial_id] != "ok")
-    ]
+    if stored is None or not len(stored.status):
+        return trials
+    codes = stored.status.of(trials.ids)
+    return trials.where(codes != 0 if study.retry_failed else codes < 0)
 
 
-def _reusable(study: Study, missing: Sequence[Trial]) -> dict[Path, set[str]]:
+def _reusable(study: Study, missing: Plan) -> dict[Path, set[str]]:
     """Where the rows of missing trials are stored already; nowhere if the study is to start over."""
     if study.fresh:
         return {}
     found: dict[Path, set[str]] = {}
     for source in study.sources or (study.results_dir,):
         known = set().union(*found.values()) if found else set()
-        wanted = [trial.trial_id for trial in missing if trial.trial_id not in known]
-        found |= storage.find_reusable(source, study.folder, wanted) if wanted else {}
+        for path, trial_ids in storage.find_reusable(source, study.folder, missing.ids).items():
+            if trial_ids - known:
+                found[path] = trial_ids - known
     return found
 
 
-def _reuse_rows(
-    found: Mapping[Path, set[str]], missing: Sequence[Trial], store: storage.RowStore, console: Console
-) -> None:
+def _reuse_rows(found: Mapping[Path, set[str]], missing: Plan, store: storage.RowStore, console: Console) -> None:
     """Store the rows that other studies have computed for missing trials, as rows of this study."""
-    by_id = {trial.trial_id: trial for trial in missing} if found else {}
     for path, trial_ids in found.items():
+        by_id = missing.of_ids(trial_ids)
         store.add_all(
             row | {name: value for name, value in planned_row(by_id[row["trial_id"]]).items() if value is not None}
             for row in storage.read_reusable(path, trial_ids)
@@ -234,12 +236,12 @@ def _write_plan(
 
     write_origin(made, place, [path.parent for path in reused], ran=ran)
     if place.n_new or not place.is_part:
-        store.write_plan([*place.others, *made.trial_ids])
+        store.write_plan(chain(place.others, made.trial_ids))
 
 
-def _run_missing(study: Study, missing: Sequence[Trial], store: storage.RowStore, console: Console) -> str:
+def _run_missing(study: Study, missing: Plan, store: storage.RowStore, console: Console) -> str:
     """Run trials and store their rows; why it ended early, "" if it did not."""
-    from studies.execution.schedule import run_trials
+    from studies.execution.schedule import run_batches
     from studies.reporting.progress import Progress
 
     if not missing:
@@ -249,19 +251,22 @@ def _run_missing(study: Study, missing: Sequence[Trial], store: storage.RowStore
     except KeyboardInterrupt:
         return INTERRUPTED
     labels = storage.LabelStore(study.folder)
-    planned = {trial.trial_id: trial for trial in missing}
     declared = {column.name for column in row_columns(study.experiment)} | {"seconds"}  # which the schedule adds
     try:
         with (
             Progress(len(missing), study.engine, console) as progress,
-            closing(run_trials(study.engine, missing)) as rows,
+            closing(run_batches(study.engine, missing)) as batches,
         ):
-            for each in rows:
-                row = _declared_row(each, planned[each["trial_id"]], declared)
-                _store(row, store, labels)
-                progress.count(row["status"])
-                _show_traceback(row, study.engine, progress.console)
-                if study.on_error == "stop" and row["status"] != "ok":
+            for batch in batches:
+                rows = [_declared_row(row, missing, declared) for row in batch]
+                failed = next((i for i, row in enumerate(rows) if row["status"] != "ok"), None)
+                if study.on_error == "stop" and failed is not None:
+                    rows = rows[: failed + 1]
+                _store(rows, store, labels)
+                for row in rows:
+                    progress.count(row["status"])
+                    _show_traceback(row, study.engine, progress.console)
+                if study.on_error == "stop" and failed is not None:
                     return STOPPED
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -301,7 +306,7 @@ def _show_traceback(row: Mapping[str, Any], engine: Engine, console: Console) ->
         console.print(f"{_place(row)}:\n{row['traceback']}", markup=False, highlight=False, soft_wrap=True)
 
 
-def _declared_row(row: dict[str, Any], trial: Trial, declared: Collection[str]) -> dict[str, Any]:
+def _declared_row(row: dict[str, Any], trials: Plan, declared: Collection[str]) -> dict[str, Any]:
     """A row, which becomes one that failed if it has values that no column is declared for: they would be lost."""
     undeclared = [
         name
@@ -311,35 +316,41 @@ def _declared_row(row: dict[str, Any], trial: Trial, declared: Collection[str]) 
     if not undeclared:
         return row
     names = ", ".join(undeclared)
+    trial = trials.of_ids([row["trial_id"]])[row["trial_id"]]
     return failed_row(trial, "failed", f"measure() returns {names}: declare a Column in the experiment's `columns`")
 
 
-def _store(row: dict[str, Any], store: storage.RowStore, labels: storage.LabelStore) -> None:
-    """Store a row, and its arrays in a file of their own."""
-    arrays = {name: value for name, value in row.items() if isinstance(value, np.ndarray)}
-    if arrays:
-        labels.put(row["trial_id"], arrays)
-    store.add({name: value for name, value in row.items() if name not in arrays})
+def _store(rows: Sequence[dict[str, Any]], store: storage.RowStore, labels: storage.LabelStore) -> None:
+    """Store rows, all at once because waiting for the disk takes most of the time; arrays have files of their own."""
+    plain = []
+    for row in rows:
+        arrays = {name: value for name, value in row.items() if isinstance(value, np.ndarray)}
+        if arrays:
+            labels.put(row["trial_id"], arrays)
+        plain.append({name: value for name, value in row.items() if name not in arrays})
+    store.add(*plain)
 
 
 def _results(
     study: Study,
     place: storage.Place,
     made: MadeFrom,
-    planned_rows: Sequence[Mapping[str, Any]],
+    trials: Plan,
     store: storage.RowStore,
 ) -> Results:
     """The results of what was planned, which may be a part of what the folder has."""
     from studies.reporting.results import Results
     from studies.storage.merging import in_order
 
-    shown = (*place.others, *made.trial_ids) if study.experiment.gathers else made.trial_ids
-    rows = store.frame(shown, row_columns(study.experiment))
-    # Rows of earlier versions lack options, and call a method by another name.
-    planned = {row["trial_id"]: row for row in planned_rows}
-    for column in ("segmenter", "segmenter_options"):
-        known = rows["trial_id"].map(lambda i, column=column: planned[i][column] if i in planned else None)
-        rows[column] = known.astype("string").fillna(rows[column])
+    columns = row_columns(study.experiment)
+    if _is_large(int(np.count_nonzero(store.status.of(trials.ids) >= 0)), study):
+        path = place.part / storage.TABLE_FILE
+        batches = store.batches(made.trial_ids, columns)
+        storage.write_in_order(path, ((_with_methods(rows, trials), positions) for rows, positions in batches))
+        rows = storage.read_table(path, columns, without=NOT_IN_MEMORY)
+    else:
+        shown = TrialIds(chain(place.others, made.trial_ids)) if study.experiment.gathers else made.trial_ids
+        rows = _with_methods(store.frame(shown, columns), trials)
     if study.experiment.gathers:
         rows = in_order(rows).reset_index(drop=True)
     return Results(
@@ -352,6 +363,22 @@ def _results(
         command=study.command,
         n_models_of=max(made.n_models_of or 0, place.extent.get("model", (0, 0))[1]) or None,
     )
+
+
+def _is_large(n_rows: int, study: Study) -> bool:
+    """Whether the rows are so many that their table is written before they are read."""
+    return n_rows > storage.MOST_ROWS and not study.experiment.gathers
+
+
+def _with_methods(rows: pd.DataFrame, trials: Plan) -> pd.DataFrame:
+    """Rows with the methods of their trials: those of earlier versions lack options, or have another name for them."""
+    import pandas as pd
+
+    methods = trials.methods(TrialIds(rows["trial_id"]))
+    for i, column in enumerate(("segmenter", "segmenter_options")):
+        known = pd.Series([method[i] for method in methods], index=rows.index, dtype="string")
+        rows[column] = known.fillna(rows[column])
+    return rows
 
 
 def _write_whole(place: storage.Place, store: storage.RowStore) -> None:
@@ -372,16 +399,17 @@ def _write_whole(place: storage.Place, store: storage.RowStore) -> None:
     write_study_page(whole)
 
 
-def _write_results(study: Study, results: Results, trials: Sequence[Trial], ended_early: str, console: Console) -> None:
+def _write_results(study: Study, results: Results, plan: Plan, ended_early: str, console: Console) -> None:
     from studies.reporting.html.study_page import write_study_page
     from studies.reporting.write import draw_pictures, make_scenes, write_tables
 
-    write_tables(results, console)
+    write_tables(results, console, rows=not _is_large(len(results.rows), study))
     scenes = None
     for stem in results.experiment.unwanted_pictures():
         (study.folder / f"{stem}.png").unlink(missing_ok=True)
     if not ended_early:
         labels = storage.LabelStore(study.folder).get
+        trials = list(plan) if len(plan) <= MOST_LISTED else list(plan.variants())
         draw_pictures(results, trials, labels, study.engine, console)
         scenes = make_scenes(results, trials, labels, study.engine, console)
     write_study_page(results, scenes, study.results_dir)

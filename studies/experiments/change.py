@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 import perturb
 from studies import metrics
@@ -33,9 +37,11 @@ from studies.experiments.experiment import (
 )
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
-from studies.planning.fingerprint import digest, digest_of_code, fingerprint
+from studies.planning.fingerprint import TRIAL_ID_LENGTH, digest, digest_of_code, fingerprint
+from studies.planning.plan import Block, Group
 from studies.planning.targets import construct, locate
-from studies.planning.trial import COLUMNS, Trial
+from studies.planning.trial import COLUMNS, Trial, planned_row
+from studies.planning.trial_ids import TrialIds
 from studies.planning.types import expectation, has_type, wrong_types
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_of_mean, model_mean, model_means
@@ -44,7 +50,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import trimesh  # its import would take half of the time of a report
 
-    from studies.datasets import Dataset
+    from studies.datasets import Dataset, Model
     from studies.experiments.experiment import Labels
     from studies.figures.charts import Chart
     from studies.figures.pictures import Picture
@@ -303,6 +309,137 @@ def _checked_levels(name: str, levels: Any) -> Sequence[float]:
     return levels
 
 
+@dataclass(frozen=True)
+class Level:
+    """A perturbation of a study at one of its levels, with what determines it."""
+
+    part: str
+    level: float
+    perturbation: perturb.Perturbation
+    unit: str
+    recipe: Mapping[str, Any]
+
+
+class ChangeBlock(Block):
+    """The trials of one model and one segmenter: every level, and every repeat of it.
+
+    Parameters
+    ----------
+    study, dataset : str
+        names
+    model : Model
+    segmenter : Segmenter
+        for this model
+    levels : sequence of Level
+    repeats : int
+    """
+
+    def __init__(
+        self, study: str, dataset: str, model: Model, segmenter: Segmenter, levels: Sequence[Level], repeats: int
+    ) -> None:
+        self.model = model
+        self._names = {"study": study, "dataset": dataset}
+        self._segmenter = segmenter
+        self._levels = levels
+        self._repeats = repeats
+        self._kept: frozenset[int] = frozenset()
+
+    def __len__(self) -> int:
+        return len(self._levels) * self._repeats
+
+    @cached_property
+    def _method(self) -> list[Any]:
+        return self._segmenter.fingerprint
+
+    @cached_property
+    def _identity(self) -> list[str]:
+        return fingerprint(self.model)
+
+    @property
+    def ids(self) -> TrialIds:
+        """The ids of the trials."""
+        tail = "".join(f", {json.dumps(each, sort_keys=True)}" for each in self._method).encode()
+        packed = bytearray()
+        for level in self._levels:
+            # As `trial` does it, but what all repeats share is hashed once.
+            of_seed = _start_of_digest(level.part, self._identity, level.perturbation.name, level.level)
+            of_trial = _start_of_digest(level.part, self._identity, level.recipe, level.level)
+            for repeat in range(self._repeats):
+                seed = of_seed.copy()
+                seed.update(b"%d]" % repeat)
+                trial = of_trial.copy()
+                trial.update(b"%d, %d%b]" % (repeat, int(seed.hexdigest()[:15], 16), tail))
+                packed += trial.digest()[: TRIAL_ID_LENGTH // 2]
+        return TrialIds.of_bytes(packed)
+
+    def trial(self, position: int) -> ChangeTrial:
+        """The trial of a level and a repeat."""
+        number, repeat = divmod(position, self._repeats)
+        level = self._levels[number]
+        # Neither the segmenter nor the perturbation's other options: methods, and ways to read the source of a
+        # perturbation, are compared under the same draws.
+        seed = int(digest(level.part, self._identity, level.perturbation.name, level.level, repeat)[:15], 16)
+        drawn = level.part, self._identity, level.recipe, level.level, repeat, seed
+        return ChangeTrial(
+            **self._names,
+            part=level.part,
+            model=self.model,
+            mesh_digest=self._identity[1],
+            perturbation=level.perturbation,
+            segmenter=self._segmenter,
+            perturbation_name=level.perturbation.name,
+            segmenter_name=self._segmenter.name,
+            level=level.level,
+            unit=level.unit,
+            repeat=repeat,
+            seed=seed,
+            draw=digest(*drawn)[:TRIAL_ID_LENGTH],
+            group_key=self._group_key,
+            trial_id=digest(*drawn, *self._method)[:TRIAL_ID_LENGTH],
+            keep_labels=position in self._kept,
+        )
+
+    @cached_property
+    def _group_key(self) -> str:
+        return digest(self._identity, *self._method)
+
+    def keep_labels(self, trial_ids: AbstractSet[str]) -> None:
+        """Have some of the `variants` keep their labels."""
+        firsts = range(0, len(self), self._repeats)
+        self._kept = frozenset(i for i in firsts if self.trial(i).trial_id in trial_ids)
+
+    def method(self, position: int) -> tuple[str, str | None]:
+        """The name of the segmenter, and its options as JSON."""
+        return self._named_method
+
+    @cached_property
+    def _named_method(self) -> tuple[str, str | None]:
+        return super().method(0)
+
+    def examples(self) -> list[ChangeTrial]:
+        """The first trial."""
+        return [self.trial(0)]
+
+    def variants(self) -> Iterator[ChangeTrial]:
+        """The first repeat of each level."""
+        return map(self.trial, range(0, len(self), self._repeats))
+
+    def values(self, column: str) -> Iterable[Any]:
+        """The values of a column."""
+        if column == "repeat":
+            return range(self._repeats)
+        return [planned_row(trial).get(column) for trial in self.variants()]
+
+    def groups(self, positions: NDArray[np.int64]) -> Iterator[Group]:
+        """All trials share the segmentation of the model."""
+        yield Group(self, positions)
+
+
+def _start_of_digest(*parts: Any) -> hashlib._Hash:
+    """What `digest` has hashed of ``parts`` before it comes to further ones."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True)[:-1].encode() + b", ")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Gallery:
     """Which variants the gallery shows, and how.
@@ -389,44 +526,27 @@ class Change(Experiment):
 
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
         """Every model under every segmenter, part, level and repeat."""
-        repeats = range(require_whole_number("repeats", self.repeats))
+        return [trial for block in self._own_blocks(study, dataset, segmenters) for trial in block]
+
+    def blocks(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> Iterable[Block]:
+        """The trials of each model and segmenter, made when they are asked for."""
+        if type(self).plan is not Change.plan:  # of a subclass, which plans other trials
+            return super().blocks(study, dataset, segmenters)
+        return self._own_blocks(study, dataset, segmenters)
+
+    def _own_blocks(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[ChangeBlock]:
+        repeats = require_whole_number("repeats", self.repeats)
         levels = [
-            (name, level, perturbation, part.unit_of(perturbation), part.recipe(perturbation))
+            Level(name, level, perturbation, part.unit_of(perturbation), part.recipe(perturbation))
             for name, part in self.named_parts(study).items()
             for level, perturbation in part.at_levels(name)
         ]
-        trials: list[Trial] = []
-        for model in dataset.models():
-            identity = fingerprint(model)
-            for segmenter in (each.for_model(model) for each in segmenters):
-                method = segmenter.fingerprint
-                group_key = digest(identity, *method)
-                for part_name, level, perturbation, unit, recipe in levels:
-                    for repeat in repeats:
-                        # Neither the segmenter nor the perturbation's other options: methods, and ways to read the
-                        # source of a perturbation, are compared under the same draws.
-                        seed = int(digest(part_name, identity, perturbation.name, level, repeat)[:15], 16)
-                        trials.append(
-                            ChangeTrial(
-                                study=study,
-                                dataset=dataset.name,
-                                part=part_name,
-                                model=model,
-                                mesh_digest=identity[1],
-                                perturbation=perturbation,
-                                segmenter=segmenter,
-                                perturbation_name=perturbation.name,
-                                segmenter_name=segmenter.name,
-                                level=level,
-                                unit=unit,
-                                repeat=repeat,
-                                seed=seed,
-                                draw=digest(part_name, identity, recipe, level, repeat, seed)[:24],
-                                group_key=group_key,
-                                trial_id=digest(part_name, identity, recipe, level, repeat, seed, *method)[:24],
-                            )
-                        )
-        return self._with_labels_of_gallery(trials)
+        blocks = [
+            ChangeBlock(study, dataset.name, model, segmenter.for_model(model), levels, repeats)
+            for model in dataset.models()
+            for segmenter in segmenters
+        ]
+        return self._with_labels_of_gallery(blocks)
 
     def named_parts(self, study: str) -> dict[str, Part]:
         """The parts of the study by name; a study of a single perturbation is its own only part."""
@@ -485,15 +605,22 @@ class Change(Experiment):
         """The gallery, if it is to show no model."""
         return ["gallery"] if checked_gallery(self.gallery).models == 0 else []
 
-    def _with_labels_of_gallery(self, trials: list[Trial]) -> list[Trial]:
-        """The trials; those that the gallery will show keep their labels."""
-        from studies.figures.gallery import choose_trials
+    def _with_labels_of_gallery(self, blocks: list[ChangeBlock]) -> list[ChangeBlock]:
+        """The blocks; those trials that the gallery will show keep their labels."""
+        from studies.figures.gallery import choose_models, choose_trials
 
         gallery = checked_gallery(self.gallery)
-        chosen = {
-            trial.trial_id for line in choose_trials(trials, None, gallery.models, gallery.columns) for trial in line
-        }
-        return [dataclasses.replace(trial, keep_labels=True) if trial.trial_id in chosen else trial for trial in trials]
+        names = choose_models([block.model.name for block in blocks], gallery.models)
+        shown = [block for block in blocks if block.model.name in names]
+        firsts = [trial for block in shown for trial in block.variants()]
+        chosen = (
+            {trial.trial_id for line in choose_trials(firsts, None, names, gallery.columns) for trial in line}
+            if names
+            else set()
+        )
+        for block in shown:
+            block.keep_labels(chosen)
+        return blocks
 
 
 def checked_gallery(options: Mapping[str, Any] | Gallery | None) -> Gallery:

@@ -14,6 +14,7 @@ from studies.columns import Column, Table, dtypes
 from studies.execution.peak_memory import peak_memory
 from studies.planning.errors import StudyError
 from studies.planning.names import check_name
+from studies.planning.plan import Block, ListedBlock
 from studies.planning.trial import Trial
 from studies.planning.types import has_type
 from studies.segmenters.segmenter import TOLD_OPTION
@@ -122,6 +123,11 @@ class Experiment(ABC):
         StudyError
             for options that define no trial
         """
+
+    def blocks(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> Iterable[Block]:
+        """The trials of `plan`, so that those of a large study need not all be in memory: their ids are enough."""
+        trials = self.plan(study, dataset, segmenters)
+        return [ListedBlock(trials)] if trials else []
 
     @abstractmethod
     def tables(self, rows: pd.DataFrame) -> list[Table]:

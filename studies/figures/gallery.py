@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -89,12 +89,18 @@ def choose_trials(
         if good_ids is None or trial.trial_id in good_ids:
             of_segmenter = first.setdefault(trial.model.name, {}).setdefault(trial.segmenter_name, {})
             of_segmenter.setdefault((trial.part, trial.level), trial)
-    named = [] if isinstance(models, int) else [str(name) for name in models if str(name) in first]
-    names = named or _evenly(list(first), models if isinstance(models, int) else FEW_MODELS)
+    names = choose_models(list(first), models)
     levels = list(dict.fromkeys((trial.part, trial.level) for trial in planned))
     last_of_part = dict(levels)
     shown = _evenly(levels, n_columns) if len(last_of_part) == 1 else list(last_of_part.items())
     return [[trials[level] for level in shown if level in trials] for name in names for trials in first[name].values()]
+
+
+def choose_models(names: Iterable[str], models: int | Sequence[Any]) -> list[str]:
+    """The names of the models that a gallery shows; see `choose_trials`."""
+    known = list(dict.fromkeys(names))
+    named = [] if isinstance(models, int) else [str(name) for name in models if str(name) in known]
+    return named or _evenly(known, models if isinstance(models, int) else FEW_MODELS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ from studies.planning.errors import StudyError
 from studies.planning.fingerprint import with_version
 from studies.planning.names import check_name
 from studies.planning.options import check_groups_of_options, pass_to_experiment, replaced_by_levels
+from studies.planning.plan import ListedBlock, Plan
 from studies.planning.targets import REQUIRED, check_required, construct
 from studies.planning.types import expectation, has_type
 from studies.reporting.text import count_of
@@ -124,17 +125,31 @@ class Study:
         StudyError
             if there are none, or if an option names a model that is not in the study
         """
-        trials = self.experiment.plan(self.name, self.dataset, self.segmenters)
-        if not trials:
+        return list(self.plan_blocks())
+
+    def plan_blocks(self) -> Plan:
+        """As `plan`, but the trials are made when they are asked for.
+
+        Raises
+        ------
+        StudyError
+            as for `plan`
+        """
+        experiment = self.experiment
+        plan = Plan(experiment.blocks(self.name, self.dataset, self.segmenters))
+        if not plan:
             raise StudyError(f"{self.name}: there is nothing to run: {self._why_no_trials()}")
-        known = dict.fromkeys(name for trial in trials for name in trial.model_names())
+        known = dict.fromkeys(name for trial in plan.examples() for name in trial.model_names())
         for option, names in self.named_models.items():
             for name in names:
                 if name not in known:
                     raise StudyError(
                         f"{option} contains {name!r}, which is not in the study: {listed_names(list(known))}"
                     )
-        return [with_version(trial, self.experiment) for trial in trials]
+        first = plan[0]
+        if with_version(first, experiment) is first:
+            return plan
+        return Plan([ListedBlock([with_version(trial, experiment) for trial in plan])])
 
     def _why_no_trials(self) -> str:
         n_models = len(self.dataset.models())

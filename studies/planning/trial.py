@@ -159,7 +159,7 @@ def planned_row(trial: Trial) -> dict[str, Any]:
         "model": trial.model.name,
         "category": trial.model.category,
         "segmenter": trial.segmenter_name,
-        "segmenter_options": _options_of(getattr(trial, "segmenter", None)),
+        "segmenter_options": options_of(trial),
         "part": trial.part,
         "perturbation": trial.perturbation_name,
         "level": trial.level,
@@ -171,9 +171,9 @@ def planned_row(trial: Trial) -> dict[str, Any]:
     }
 
 
-def _options_of(segmenter: Any) -> str | None:
+def options_of(trial: Trial) -> str | None:
     """The options of a trial's method as JSON; None if it has none, as the people of a benchmark."""
-    options = getattr(segmenter, "options", None)
+    options = getattr(getattr(trial, "segmenter", None), "options", None)
     return json.dumps(options, sort_keys=True) if isinstance(options, Mapping) else None
 
 

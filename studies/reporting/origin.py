@@ -12,7 +12,7 @@ from studies.storage.placement import Origin
 
 if TYPE_CHECKING:
     from studies.planning.configuration import Study
-    from studies.planning.trial import Trial
+    from studies.planning.plan import Plan
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,12 @@ class MadeFrom:
     n_models_of: int | None = None
 
     @classmethod
-    def of(cls, study: Study, trials: Sequence[Trial]) -> MadeFrom:
+    def of(cls, study: Study, trials: Plan) -> MadeFrom:
         """What the trials of a study are made from."""
         from studies.storage import encodable
 
-        meshes = {encodable(trial.model.name): trial.mesh_digest for trial in trials}
-        for trial in trials:
+        meshes = {encodable(trial.model.name): trial.mesh_digest for trial in trials.examples()}
+        for trial in trials.examples():
             for name in trial.model_names():
                 if encodable(name) not in meshes:  # such as the last pose of a shape, the second of every pair
                     meshes[encodable(name)] = trial.digest_of(name)
@@ -57,7 +57,7 @@ class MadeFrom:
         return cls(
             full_title(study.title, study.dataset.name, list(versions), subset(len(meshes), total)),
             Origin(study.record, meshes, versions),
-            [trial.trial_id for trial in trials],
+            trials.ids,
             study.command,
             study.swept,
             total,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
+from dataclasses import dataclass, field
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -136,28 +137,50 @@ def show_plan(
 
 def _counts_by_part(trials: Sequence[Trial], missing: Sequence[Trial], stored: StoredRows | None) -> Table:
     """How many trials of each part are planned, stored and missing. No number is ever cut."""
-    absent = {trial.trial_id for trial in missing}
-    status = stored.status if stored else {}
     table = Table(title="Planned", title_justify="left")
     table.add_column("part", overflow="fold")
     for name in COUNTS:
         table.add_column(name, justify="right", no_wrap=True, min_width=len(name))
-    parts: dict[str, list[Trial]] = {}
+    parts: dict[str, _PartCounts] = {}
+    to_run = iter(missing)  # some of the trials, in the same order
+    following = next(to_run, None)
     for trial in trials:
-        parts.setdefault(trial.part, []).append(trial)
-    for part, group in parts.items():
-        states = [status.get(trial.trial_id) for trial in group]
-        counts = (
-            len({trial.model.name for trial in group}),
-            len({trial.level for trial in group}),
-            len({trial.repeat for trial in group}),
-            len(group),
-            sum(state is not None for state in states),
-            sum(state not in (None, "ok") for state in states),
-            sum(trial.trial_id in absent for trial in group),
-        )
-        table.add_row(part, *(f"{count:,}" for count in counts))
+        counts = parts.setdefault(trial.part, _PartCounts())
+        is_missing = following is not None and trial.trial_id == following.trial_id
+        counts.add(trial, stored.status.get(trial.trial_id) if stored else None, is_missing)
+        if is_missing:
+            following = next(to_run, None)
+    for part, counts in parts.items():
+        table.add_row(part, *(f"{count:,}" for count in counts.numbers()))
     return table
+
+
+@dataclass
+class _PartCounts:
+    """How many trials of a part there are."""
+
+    models: set[str] = field(default_factory=set)
+    levels: set[float] = field(default_factory=set)
+    repeats: set[int] = field(default_factory=set)
+    trials: int = 0
+    stored: int = 0
+    failed: int = 0
+    missing: int = 0
+
+    def add(self, trial: Trial, status: str | None, is_missing: bool) -> None:
+        """Count a trial."""
+        self.models.add(trial.model.name)
+        self.levels.add(trial.level)
+        self.repeats.add(trial.repeat)
+        self.trials += 1
+        self.stored += status is not None
+        self.failed += status not in (None, "ok")
+        self.missing += is_missing
+
+    def numbers(self) -> tuple[int, ...]:
+        """The counts in the order of `COUNTS`."""
+        distinct = len(self.models), len(self.levels), len(self.repeats)
+        return (*distinct, self.trials, self.stored, self.failed, self.missing)
 
 
 def _time_left(to_run: int, stored: StoredRows | None, engine: Engine) -> str:

@@ -12,7 +12,7 @@ from studies.execution.interruption import reason
 from studies.reporting.latex import latex
 from studies.reporting.results import CONFIG_FILE, PROVENANCE_FILE, Results
 from studies.reporting.text import markdown_page, print_table
-from studies.storage import TABLE_FILE, atomic_write, encodable
+from studies.storage import TABLE_FILE, atomic_write, encodable, write_table
 from studies.storage.merging import merge_options
 from studies.storage.provenance import MADE_WITH, provenance
 from studies.storage.records import read_config, read_provenance
@@ -40,8 +40,7 @@ def write_tables(results: Results, console: Console, *, rows: bool = True) -> No
 
     folder, tables = results.folder, results.report_tables
     if rows:
-        with atomic_write(folder / TABLE_FILE) as path:
-            results.rows.to_parquet(path, index=False)
+        write_table(folder / TABLE_FILE, results.rows)
     for name, table in tables.items():
         with atomic_write(folder / f"{name}.csv") as path:
             table.frame.to_csv(path, index=False, float_format="%.6g")

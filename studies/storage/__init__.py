@@ -29,13 +29,18 @@ if TYPE_CHECKING:
     from studies.storage.rows import RowStore as RowStore
     from studies.storage.rows import StoredRows as StoredRows
     from studies.storage.rows import read_rows as read_rows
+    from studies.storage.rows import read_table as read_table
     from studies.storage.summary import summarize as summarize
+    from studies.storage.tables import MOST_ROWS as MOST_ROWS
+    from studies.storage.tables import write_in_order as write_in_order
+    from studies.storage.tables import write_table as write_table
     from studies.storage.text import encodable as encodable
 
 _MODULE_OF = {
     "LOCK_FILE": "folders",
     "LabelStore": "labels",
     "Origin": "placement",
+    "MOST_ROWS": "tables",
     "PLAN_FILE": "folders",
     "Place": "placement",
     "ROWS_FILE": "folders",
@@ -54,9 +59,12 @@ _MODULE_OF = {
     "read_config": "records",
     "read_reusable": "reuse",
     "read_rows": "rows",
+    "read_table": "rows",
     "result_folders": "folders",
     "rows_file": "reuse",
     "summarize": "summary",
+    "write_in_order": "tables",
+    "write_table": "tables",
 }
 
 __all__ = list(_MODULE_OF)

@@ -4,9 +4,13 @@ import os
 import re
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from studies.planning.trial_ids import TrialIds
 
 ROWS_FILE = "trials.jsonl"  # one row per line, appended as it is made
-TABLE_FILE = "trials.parquet"  # the rows of the last plan, in its order
+TABLE_FILE = "trials.parquet"  # the rows of the last plan, in its order; a folder of files if there are very many
 PLAN_FILE = "planned.txt"  # one trial_id per line, in the order of the last plan
 LOCK_FILE = "trials.lock"  # locked by the process that writes to the folder
 REPORT_FILE = "report.html"  # the page of a study
@@ -42,8 +46,11 @@ def result_folders(results: Path | str) -> list[Path]:
     """
     found = []
     for folder, subfolders, files in os.walk(results):
-        subfolders[:] = [name for name in subfolders if name != LABELS_FOLDER and not IS_BACKUP.search(name)]
-        if ROWS_FILE in files or TABLE_FILE in files:
+        has_rows = not {ROWS_FILE, TABLE_FILE}.isdisjoint([*files, *subfolders])
+        subfolders[:] = [
+            name for name in subfolders if name not in (LABELS_FOLDER, TABLE_FILE) and not IS_BACKUP.search(name)
+        ]
+        if has_rows:
             found.append(Path(folder))
     return sorted(found)
 
@@ -56,8 +63,16 @@ def planned_ids(folder: Path) -> list[str] | None:
     list of str or None
         in the order of the plan; None if the plan is not stored, as in a fresh clone
     """
+    planned = read_plan(folder)
+    return None if planned is None else list(planned)
+
+
+def read_plan(folder: Path) -> "TrialIds | None":
+    """As `planned_ids`, in less memory."""
+    from studies.planning.trial_ids import TrialIds
+
     try:
-        return (folder / PLAN_FILE).read_text("ascii").splitlines()
+        return TrialIds.of_lines((folder / PLAN_FILE).read_bytes())
     except FileNotFoundError:
         return None
 
@@ -84,7 +99,7 @@ def move_to_backup(folder: Path) -> Path | None:
     paths = [
         path
         for path in folder.iterdir()
-        if (path.name == LABELS_FOLDER if path.is_dir() else not path.name.startswith(LOCK_FILE))
+        if (path.name in (LABELS_FOLDER, TABLE_FILE) if path.is_dir() else not path.name.startswith(LOCK_FILE))
     ]
     if not paths:
         return None

@@ -12,9 +12,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from studies.planning.errors import StudyError
 from studies.planning.names import folder_name
-from studies.storage.folders import ROWS_FILE, TABLE_FILE, planned_ids, result_folders, table_is_current
+from studies.planning.plan import PlannedRows
+from studies.planning.trial_ids import TrialIds
+from studies.storage.folders import ROWS_FILE, TABLE_FILE, planned_ids, read_plan, result_folders, table_is_current
 from studies.storage.identity import differences, identity, selection, short_digest, words
 from studies.storage.records import read_config, read_provenance
 from studies.storage.rows import parse_rows, read_table_columns
@@ -154,17 +158,23 @@ def place(
     if gathers:
         return _gathering_place(folder, planned)
     owner = Origin.read(folder)
-    stored = _stored(folder)
-    planned_slots = {_slot(row): row["trial_id"] for row in planned}
-    ids = {row["trial_id"] for row in planned}
+    ids = _ids_of(planned)
+    listed = _listed(folder)
+    n_new = len(ids) - int(np.count_nonzero(listed.contain(ids)))
+    is_listed = bool(ids.contain(listed).all())
+    if is_listed and (owner is None or owner.is_current(origin)):
+        # No stored row needs to be compared: a trial_id tells more than a slot.
+        return Place(folder, part=folder, n_new=n_new, extent=_extent(planned, ()))
+    stored = [] if is_listed else _stored(folder)
+    planned_slots = {} if is_listed else {_slot(row): row["trial_id"] for row in planned}
+    known = set() if is_listed else set(ids)
     of_same_slots = {_slot(row): row["trial_id"] for row in stored if _slot(row) in planned_slots}
-    outdated = [slot for slot, trial_id in of_same_slots.items() if trial_id not in ids]
+    outdated = [slot for slot, trial_id in of_same_slots.items() if trial_id not in known]
     is_current = not outdated and (owner is None or owner.is_current(origin))
     if is_current:
-        listed = _listed(folder, stored)
-        others = tuple(i for i in listed if i not in ids)
+        others = tuple(listed.at(~ids.contain(listed)))
         part = folder / _part_name(owner, origin, ids) if others else folder
-        return Place(folder, others, part, n_new=len(ids - set(listed)), extent=_extent(planned, stored))
+        return Place(folder, others, part, n_new=n_new, extent=_extent(planned, stored))
     if all(_slot(row) in planned_slots for row in stored):
         return Place(folder, part=folder, replaced=len(outdated), n_new=len(ids))
     # Rows of two versions are never mixed, and a part never replaces the whole.
@@ -180,7 +190,8 @@ def _gathering_place(folder: Path, planned: Sequence[Mapping[str, Any]]) -> Plac
     unplanned = [row for row in stored if row["trial_id"] not in ids]
     others = tuple(row["trial_id"] for row in filter(_stays(planned), unplanned))
     replaced = len(unplanned) - len(others)
-    n_new = len(ids - set(_listed(folder, stored)))
+    listed = set(_listed(folder))
+    n_new = sum(i not in listed for i in ids)
     return Place(folder, others, folder, replaced, n_new, _extent(planned, stored))
 
 
@@ -226,12 +237,15 @@ def _extent(planned: Sequence[Mapping[str, Any]], stored: Sequence[Mapping[str, 
     """How many models, levels and repeats are planned, of how many in all."""
     found = {}
     for noun, names in (("model", ("model", "other")), ("level", ("level",)), ("repeat", ("repeat",))):
-        ours, all_of_them = (
-            {row[name] for row in rows for name in names if row.get(name) not in (None, "")}
-            for rows in (planned, [*planned, *stored])
-        )
-        found[noun] = len(ours), len(all_of_them)
+        ours = set().union(*(_values(planned, name) for name in names))
+        others = set().union(*(_values(stored, name) for name in names))
+        found[noun] = len(ours), len(ours | others)
     return found
+
+
+def _values(rows: Sequence[Mapping[str, Any]], name: str) -> set[Any]:
+    values = rows.values(name) if isinstance(rows, PlannedRows) else {row.get(name) for row in rows}
+    return values - {None, ""}
 
 
 def _own_folder(base: Path, origin: Origin) -> Path:
@@ -266,15 +280,22 @@ def _part_name(owner: Origin | None, origin: Origin, ids: Iterable[str]) -> str:
     return folder_name(words(chosen) or f"part-{short_digest(sorted(ids))}")
 
 
-def _listed(folder: Path, stored: Sequence[Mapping[str, Any]]) -> list[str]:
+def _ids_of(planned: Sequence[Mapping[str, Any]]) -> TrialIds:
+    """The trial_ids of rows, each once."""
+    if isinstance(planned, PlannedRows):
+        return planned.ids
+    return TrialIds(dict.fromkeys(row["trial_id"] for row in planned))
+
+
+def _listed(folder: Path) -> TrialIds:
     """The trial_ids that the folder is about, of which some need not have run yet."""
-    planned = planned_ids(folder)
-    return planned if planned is not None else [row["trial_id"] for row in stored]
+    listed = read_plan(folder)
+    return listed if listed is not None else TrialIds(row["trial_id"] for row in _stored(folder, ()))
 
 
-def _stored(folder: Path) -> list[dict[str, Any]]:
+def _stored(folder: Path, columns: Sequence[str] = (*SLOT, DRAW)) -> list[dict[str, Any]]:
     """The stored rows of the folder's last plan, with the columns of ``SLOT``; none if they cannot be read."""
-    names = ["trial_id", *SLOT, DRAW]
+    names = ["trial_id", *columns]
     if table_is_current(folder):
         try:
             columns = read_table_columns(folder / TABLE_FILE, names)

@@ -4,8 +4,10 @@ from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from studies.planning.trial_ids import TrialIds
 from studies.storage.folders import ROWS_FILE, TABLE_FILE, result_folders, table_is_current
 from studies.storage.rows import StoredRows, count_table_rows, parse_rows, read_table_columns
+from studies.storage.tables import table_files
 
 
 def find_reusable(results: Path | str, folder: Path, trial_ids: Iterable[str]) -> dict[Path, set[str]]:
@@ -25,17 +27,19 @@ def find_reusable(results: Path | str, folder: Path, trial_ids: Iterable[str]) -
         file -> trial_ids to be read from it with `read_reusable`, each of them once
     """
     found: dict[Path, set[str]] = {}
-    missing = set(trial_ids)
+    wanted = trial_ids if isinstance(trial_ids, TrialIds) else TrialIds(dict.fromkeys(trial_ids))
+    known: set[str] = set()
     for other in sorted(result_folders(results), key=lambda other: other != folder):
-        if not missing:
+        if len(known) == len(wanted):
             break
         path = rows_file(other)
         if path is None or path == folder / ROWS_FILE:
             continue
-        reusable = missing & _successful_ids(path)
+        successful = TrialIds(_successful_ids(path))
+        reusable = set(successful.at(wanted.contain(successful))) - known
         if reusable:
             found[path] = reusable
-            missing -= reusable
+            known |= reusable
     return found
 
 
@@ -60,10 +64,12 @@ def read_reusable(path: Path, trial_ids: Collection[str], *, failed: bool = Fals
         from pyarrow import compute
         from pyarrow.parquet import ParquetFile
 
-        with ParquetFile(path) as file:
-            table = file.read()
-        wanted = pyarrow.array(list(trial_ids), table["trial_id"].type)
-        rows = table.filter(compute.is_in(table["trial_id"], wanted)).to_pylist()
+        rows = []
+        for part in table_files(path):
+            with ParquetFile(part) as file:
+                table = file.read()
+            wanted = pyarrow.array(list(trial_ids), table["trial_id"].type)
+            rows += table.filter(compute.is_in(table["trial_id"], wanted)).to_pylist()
     return (row for row in rows if failed or row["status"] == "ok")
 
 

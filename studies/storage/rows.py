@@ -2,21 +2,31 @@
 
 import contextlib
 import json
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from studies.columns import Column, dtypes
+from studies.planning.trial_ids import WIDTH, TrialIds
 from studies.storage.atomic import atomic_write
-from studies.storage.folders import PLAN_FILE, ROWS_FILE, TABLE_FILE, move_to_backup, planned_ids, table_is_current
+from studies.storage.folders import PLAN_FILE, ROWS_FILE, TABLE_FILE, move_to_backup, read_plan, table_is_current
+from studies.storage.statuses import Statuses
+from studies.storage.tables import table_files
 from studies.storage.text import encodable
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _BATCH_SIZE = 10_000  # rows that are in memory as dicts at the same time
+_LARGE = 1 << 22  # bytes of a file of which only the states of the rows are read
+_BLOCK = 1 << 24  # bytes of it that are read at the same time
+_MANY_ROWS = 1_000_000  # whose states are packed at the same time
 
 Row = Mapping[str, Any]
 
@@ -34,7 +44,7 @@ class StoredRows:
     ----------
     path : Path
         the file of the rows
-    status : dict
+    status : Statuses
         trial_id -> "ok", "failed", "timeout" or "crashed"
     damaged : int
         number of lines that were left out
@@ -42,15 +52,15 @@ class StoredRows:
 
     def __init__(self, folder: Path | str) -> None:
         self.path = Path(folder) / ROWS_FILE
-        self.status: dict[str, str] = {}
+        self.status = Statuses()
         self.damaged = 0
         self._seconds = 0.0
         self._n_timed = 0
+        if self.path.exists() and self.path.stat().st_size >= _LARGE:
+            self._scan()
+            return
         for row in parse_rows(self.path):
-            if row is None:
-                self.damaged += 1
-            else:
-                self._note(row)
+            self._note_parsed(row)
 
     @property
     def seconds(self) -> float | None:
@@ -78,11 +88,61 @@ class StoredRows:
         """
         import pandas as pd
 
-        position = {trial_id: i for i, trial_id in enumerate(trial_ids)}
-        rows = (row for row in self if row["trial_id"] in position)
-        batches = [_frame(batch, columns) for batch in _batches(rows)] or [_frame([], columns)]
-        frame = pd.concat(batches, ignore_index=True).drop_duplicates("trial_id", keep="last")
-        return frame.iloc[frame["trial_id"].map(position).argsort(kind="stable")].reset_index(drop=True)
+        asked = trial_ids if isinstance(trial_ids, TrialIds) else TrialIds(trial_ids)
+        frames, positions = [_frame([], columns)], [np.zeros(0, np.int64)]
+        for batch in self.batches(asked, columns):
+            frames.append(batch[0])
+            positions.append(batch[1])
+        at = np.concatenate(positions)
+        # The last row of each trial, in the order asked for.
+        kept = len(at) - 1 - np.unique(at[::-1], return_index=True)[1]
+        frame = pd.concat(frames[1:] or frames, ignore_index=True)
+        return frame.iloc[kept].reset_index(drop=True)
+
+    def batches(
+        self, trial_ids: TrialIds, columns: Sequence[Column]
+    ) -> Iterator[tuple["pd.DataFrame", NDArray[np.int64]]]:
+        """The rows of trials in the order of the file, even those that later ones replace, some thousand at a time.
+
+        Yields
+        ------
+        DataFrame, (n,) int array
+            rows, and the positions of their trials in ``trial_ids``
+        """
+        for batch in _batches(self):
+            positions = trial_ids.positions(TrialIds(row["trial_id"] for row in batch))
+            asked = np.flatnonzero(positions >= 0)
+            if len(asked):
+                yield _frame([batch[i] for i in asked], columns), positions[asked]
+
+    def _scan(self) -> None:
+        """Note the rows of a large file, of which only few columns are parsed to Python objects."""
+        noted: list[tuple[TrialIds, list[str]]] = []
+        for lines in _blocks_of_lines(self.path):
+            columns = _parsed_states(lines)
+            if columns is None:
+                self._note_all(noted)
+                noted.clear()
+                for line in lines.splitlines(keepends=True):
+                    self._note_parsed(parse_line(line))
+                continue
+            seconds = columns["seconds"].drop_null().to_numpy()
+            self._seconds += math.fsum(seconds)
+            self._n_timed += len(seconds)
+            noted.append((_ids_in(columns["trial_id"]), _texts_in(columns["status"])))
+            if sum(len(ids) for ids, _ in noted) >= _MANY_ROWS:
+                self._note_all(noted)
+                noted.clear()
+        self._note_all(noted)
+
+    def _note_all(self, noted: Sequence[tuple[TrialIds, list[str]]]) -> None:
+        self.status.add(TrialIds.joined(ids for ids, _ in noted), [status for _, each in noted for status in each])
+
+    def _note_parsed(self, row: Row | None) -> None:
+        if row is None:
+            self.damaged += 1
+        else:
+            self._note(row)
 
     def _note(self, row: Row) -> None:
         self.status[row["trial_id"]] = row["status"]
@@ -217,15 +277,39 @@ def read_rows(folder: Path, columns: Sequence[Column]) -> "pd.DataFrame":
     ValueError
         If the table is damaged, or not one of trials.
     """
-    import pandas as pd
-
     if not table_is_current(folder):
         rows = StoredRows(folder)
-        planned = planned_ids(folder)
+        planned = read_plan(folder)
         return rows.frame(rows.status if planned is None else planned, columns)
-    path, types = folder / TABLE_FILE, dtypes(columns)
+    return read_table(folder / TABLE_FILE, columns)
+
+
+def read_table(path: Path, columns: Sequence[Column], without: Sequence[str] = ()) -> "pd.DataFrame":
+    """The rows of a table, in its order.
+
+    Parameters
+    ----------
+    path : Path
+        a parquet file, or a folder of them
+    columns : sequence of Column
+        the columns of the DataFrame
+    without : sequence of str
+        columns that are not read: their values are missing
+
+    Raises
+    ------
+    ValueError
+        If the table is damaged, or not one of trials.
+    """
+    import pandas as pd
+
+    types = dtypes(columns)
     try:
-        table = pd.read_parquet(path)
+        if without:
+            known = [name for name in _schema_names(path) if name not in without]
+            table = pd.read_parquet(path, columns=known)
+        else:
+            table = pd.read_parquet(path)
     except Exception as error:  # pyarrow raises a dozen kinds for damaged files
         raise ValueError(f"{path}: not a parquet file, or damaged: {_first_line(error)}") from error
     absent = {"trial_id", "status"} - set(table.columns)
@@ -235,6 +319,54 @@ def read_rows(folder: Path, columns: Sequence[Column]) -> "pd.DataFrame":
         return table.reindex(columns=list(types)).astype(types)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path}: not a table of trials of this study: {_first_line(error)}") from error
+
+
+def _blocks_of_lines(path: Path) -> Iterator[bytes]:
+    """The content of a file in large pieces that end where a line does."""
+    with path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            yield block + file.readline()
+
+
+def _parsed_states(lines: bytes) -> Any:
+    """The ids, statuses and seconds of the rows of some lines, as a table; None if any line needs a closer look."""
+    import pyarrow
+    from pyarrow import json as arrow_json
+
+    schema = pyarrow.schema(
+        [("trial_id", pyarrow.string()), ("status", pyarrow.string()), ("seconds", pyarrow.float64())]
+    )
+    try:
+        table = arrow_json.read_json(
+            pyarrow.BufferReader(lines),
+            read_options=arrow_json.ReadOptions(block_size=max(_BLOCK // 8, 1 << 20)),
+            parse_options=arrow_json.ParseOptions(explicit_schema=schema, unexpected_field_behavior="ignore"),
+        )
+    except pyarrow.ArrowException:
+        return None
+    n_lines = lines.count(b"\n") + (not lines.endswith(b"\n"))
+    if table.num_rows != n_lines or table["trial_id"].null_count or table["status"].null_count:
+        return None
+    return None if b"\\ud" in lines.lower() else table
+
+
+def _ids_in(column: Any) -> TrialIds:
+    """The ids in a column of pyarrow."""
+    array = column.combine_chunks()
+    _, offsets, characters = array.buffers()
+    bounds = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
+    if (np.diff(bounds) == 2 * WIDTH).all():
+        digits = np.frombuffer(characters, np.uint8)[bounds[0] : bounds[-1]].reshape(-1, 2 * WIDTH)
+        ids = TrialIds.of_digits(digits)
+        if ids is not None:
+            return ids
+    return TrialIds(array.to_pylist())
+
+
+def _texts_in(column: Any) -> list[str]:
+    """The texts in a column of pyarrow, of which few are different."""
+    encoded = column.combine_chunks().dictionary_encode()
+    return np.array(encoded.dictionary.to_pylist(), dtype=object)[encoded.indices.to_numpy()].tolist()
 
 
 def parse_rows(path: Path) -> Iterator[dict[str, Any] | None]:
@@ -282,14 +414,27 @@ def read_table_columns(path: Path, names: Sequence[str]) -> dict[str, list[Any]]
     ValueError
         If the file is not a parquet file.
     """
-    with _parquet(path) as file:
-        return file.read(columns=list(names)).to_pydict()
+    columns: dict[str, list[Any]] = {}
+    for file in table_files(path):
+        with _parquet(file) as opened:
+            for name, values in opened.read(columns=list(names)).to_pydict().items():
+                columns.setdefault(name, []).extend(values)
+    return columns
+
+
+def _schema_names(path: Path) -> list[str]:
+    """The names of the columns of a table."""
+    with _parquet(table_files(path)[0]) as opened:
+        return opened.schema_arrow.names
 
 
 def count_table_rows(path: Path) -> int:
     """The number of rows of a parquet file; ValueError if it is not one."""
-    with _parquet(path) as file:
-        return file.metadata.num_rows
+    total = 0
+    for file in table_files(path):
+        with _parquet(file) as opened:
+            total += opened.metadata.num_rows
+    return total
 
 
 @contextlib.contextmanager

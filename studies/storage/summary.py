@@ -5,13 +5,17 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import compress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from studies.storage.folders import ROWS_FILE, TABLE_FILE, planned_ids, table_is_current
+from studies.storage.folders import ROWS_FILE, TABLE_FILE, read_plan, table_is_current
 from studies.storage.following import FollowedRows
 from studies.storage.locking import lock_holder
 from studies.storage.rows import read_table_columns
+
+if TYPE_CHECKING:
+    from studies.planning.trial_ids import TrialIds
 
 TIMINGS = ("seconds_perturb", "seconds_segment")
 
@@ -80,7 +84,7 @@ class Summarizer:
     def summary(self) -> FolderSummary:
         """The folder as it is now; see `summarize`."""
         folder = self._folder
-        planned = planned_ids(folder)
+        planned = read_plan(folder)
         if table_is_current(folder):
             statuses, seconds = _read_table(folder / TABLE_FILE)
         else:
@@ -94,9 +98,13 @@ class Summarizer:
             holder=lock_holder(folder),
         )
 
-    def _of_plan(self, planned: Iterable[str] | None) -> tuple[Counter[str], float]:
-        ids = self._rows if planned is None else dict.fromkeys(planned)
-        rows = [self._rows[trial_id] for trial_id in ids if trial_id in self._rows]
+    def _of_plan(self, planned: "TrialIds | None") -> tuple[Counter[str], float]:
+        rows: Iterable[tuple[str, float]] = self._rows.values()
+        if planned is not None and self._rows:
+            from studies.planning.trial_ids import TrialIds
+
+            rows = compress(rows, planned.contain(TrialIds(self._rows)))
+        rows = list(rows)
         return Counter(status for status, _ in rows), math.fsum(seconds for _, seconds in rows)
 
     def _note(self, row: dict[str, Any]) -> None:
