@@ -40,6 +40,45 @@ class Field:
 
 
 @dataclass(frozen=True, eq=False)
+class Heat:
+    """Heat from a vertex, which the viewer computes from eigenpairs for whatever vertex is picked.
+
+    Parameters
+    ----------
+    eigenvalues : (c, k) float array
+        of each connected component, inf where there is none
+    eigenvectors : (n, k) float array
+        at each vertex of the surface
+    component : (n,) int array
+        connected component of each vertex
+    time : float
+        standard time for which heat has flowed
+    point : int
+        vertex that is picked first
+    """
+
+    eigenvalues: np.ndarray
+    eigenvectors: np.ndarray
+    component: np.ndarray
+    time: float
+    point: int
+
+    def values(self, point: int | None = None) -> np.ndarray:
+        """The heat at every vertex, (n,) float array, from a vertex, by default that which is picked first.
+
+        Examples
+        --------
+        >>> heat = Heat(np.array([[0.0, 2.0]]), np.array([[1.0, 1.0], [1.0, -1.0]]), np.zeros(2, int), 0.5, 0)
+        >>> heat.values().round(3)
+        array([1.368, 0.632])
+        """
+        at = self.point if point is None else point
+        of_component = self.component == self.component[at]
+        weights = np.exp(-self.eigenvalues[self.component[at]] * self.time) * self.eigenvectors[at]
+        return np.where(of_component, self.eigenvectors @ weights, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
 class Surface:
     """A triangle mesh as it is displayed: equal objects are stored once, however many viewports show them.
 
@@ -73,6 +112,12 @@ class Viewport:
         vertices that are highlighted
     fields : mapping of str to Field
         functions that can be shown instead of the segments, by name
+    shows : str
+        the function that is shown whatever is chosen
+    heat : Heat, optional
+        shown instead of the segments; a click moves its source
+    faded : (n,) bool array, optional
+        vertices whose colours are pale
     """
 
     surface: Surface
@@ -82,6 +127,9 @@ class Viewport:
     labels: np.ndarray | None = None
     changed: np.ndarray | None = None
     fields: Mapping[str, Field] = field(default_factory=dict)
+    shows: str = ""
+    heat: Heat | None = None
+    faded: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +151,8 @@ class Scene:
         rows are the directions right, up and towards the camera, from which it is seen first
     key : str
         identifies it, such as the ids of trials
+    slider : str
+        what the value of the slider is, if that differs from scene to scene
     """
 
     at: Mapping[str, str | int | float]
@@ -111,6 +161,7 @@ class Scene:
     value: float | None = None
     axes: np.ndarray | None = None
     key: str = ""
+    slider: str = ""
 
 
 @dataclass(frozen=True, eq=False)
