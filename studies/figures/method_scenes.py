@@ -219,21 +219,22 @@ def showcase_scene(shapes: Sequence[Shape]) -> list[Scene]:
     return [Scene({POSITION: 0}, viewports, axes=shapes[0].axes)]
 
 
-def pose_scene(poses: Sequence[tuple[Shape, np.ndarray]]) -> list[Scene]:
-    """Poses of a shape side by side, a part in the colour that it has in the first (Figure 6).
+def pose_scenes(shapes: Sequence[Sequence[tuple[Shape, np.ndarray]]]) -> list[Scene]:
+    """Poses side by side, a part in the colour that it has in the first pose of its shape (Figure 6).
 
     Parameters
     ----------
-    poses : sequence of (Shape, (p,) int array)
-        a pose, and its vertices at the p points that all poses have in common
+    shapes : sequence of sequences of (Shape, (p,) int array)
+        the poses of each shape: its vertices at the p points that all of its poses have in common
     """
-    return [Scene({POSITION: 0}, pose_viewports(poses), axes=poses[0][0].axes)]
+    viewports = [viewport for poses in shapes for viewport in pose_viewports(poses)]
+    return [Scene({POSITION: 0}, viewports, axes=shapes[0][0][0].axes)]
 
 
 def pose_viewports(
     poses: Sequence[tuple[Shape, np.ndarray]], labels: Sequence[np.ndarray] | None = None
 ) -> list[Viewport]:
-    """The viewports of `pose_scene`; labels of all vertices, -1 for the background, by default of the Heat Walk."""
+    """The viewports of the poses of a shape; labels of all vertices, -1 for the background, by default of the Heat Walk."""
     if labels is None:
         segmented = (segment(shape.mesh.vertices, shape.mesh.faces) for shape, _ in poses)
         labels = [labels_with_background(each) for each in segmented]
