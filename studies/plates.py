@@ -35,7 +35,6 @@ TITLE = "The paper's figures as interactive plates"
 LEAD = "Each corresponds to a figure of the paper that introduced the Heat Walk, on other meshes unless its own are given."
 BYTES = 15e6  # of a page
 FACES = 6000  # displayed of a mesh that is shown alone or beside a variant
-FACES_IN_A_CROWD = 24000  # displayed of all meshes that are shown side by side
 MOST_SHAPES = 20
 UPRIGHT_TOSCA = 2
 SYNTHETIC_SHAPES = ("biped", "hand", "octopus", "bird", "fish", "chair", "cup", "pliers", "star")  # of the showcase
@@ -71,19 +70,19 @@ class Sources:
         models = self._of_dataset(plate, "psb")
         if plate["shows"] == "showcase" and self.meshes:
             files = self.meshes[:MOST_SHAPES]
-            return [self._of_file(file, FACES_IN_A_CROWD // len(files)) for file in files]
+            return [self._of_file(file, method_scenes.CROWD // len(files)) for file in files]
         if not models and plate["shows"] == "showcase":
             models = [*_bundled().values(), *_synthetic(SYNTHETIC_SHAPES)]
         if not models:
             models = [model for seed in plate["seeds"] for model in _synthetic(plate["models"], seed)]
-        return [self._of_model(model, FACES_IN_A_CROWD // len(models)) for model in models]
+        return [self._of_model(model, method_scenes.CROWD // len(models)) for model in models]
 
     def posed(self, plate: Mapping[str, Any]) -> list[list[tuple[Shape, np.ndarray]]]:
         """The poses of a plate by shape, each with its vertices at the points that all of a shape have in common."""
         import numpy as np
 
         if self.poses:
-            shapes = [self._of_file(path, FACES_IN_A_CROWD // len(self.poses)) for path in self.poses]
+            shapes = [self._of_file(path, method_scenes.CROWD // len(self.poses)) for path in self.poses]
             counts = {len(shape.mesh.vertices) for shape in shapes}
             if len(counts) > 1:
                 raise PlatesError("--poses: the meshes differ in the number of vertices; those of poses correspond by number")
@@ -91,7 +90,7 @@ class Sources:
         models = self._of_dataset(plate, "tosca") or _synthetic(plate["models"])
         by_shape: dict[str, list[tuple[Shape, np.ndarray]]] = {}
         for model in models:
-            shape = self._of_model(model, FACES_IN_A_CROWD // len(models))
+            shape = self._of_model(model, method_scenes.CROWD // len(models))
             by_shape.setdefault(model.category, []).append((shape, model.correspondence()))
         return list(by_shape.values())
 
@@ -198,25 +197,17 @@ def _scenes(plate: Mapping[str, Any], sources: Sources) -> tuple[list[Scene], st
     from studies.experiments.named_perturbations import perturbation_named
     from studies.figures import method_scenes
 
-    of_one: dict[str, Callable[[Shape], list[Scene]]] = {
-        "pipeline": method_scenes.pipeline_scenes,
-        "diffusion": method_scenes.diffusion_scenes,
-        "walk": method_scenes.walk_scenes,
-        "divergences": method_scenes.divergence_scenes,
-        "times": method_scenes.time_scenes,
-    }
-    of_several = {"showcase": method_scenes.showcase_scene, "class": method_scenes.class_scene}
     shows = plate["shows"]
     if shows == "poses":
         groups = sources.posed(plate)
         scenes = method_scenes.pose_scenes(groups)
         return scenes, _listed([shape.name for group in groups for shape, _ in group])
-    if shows in of_several:
+    if shows in method_scenes.OF_SEVERAL:
         shapes = sources.several(plate)
-        return of_several[shows](shapes), _listed([shape.name for shape in shapes])
+        return method_scenes.OF_SEVERAL[shows](shapes), _listed([shape.name for shape in shapes])
     shape = sources.one(plate)
-    if shows in of_one:
-        return of_one[shows](shape), shape.name
+    if shows in method_scenes.OF_ONE:
+        return method_scenes.OF_ONE[shows](shape), shape.name
     return method_scenes.perturbed_scenes(shape, perturbation_named(shows)), shape.name
 
 

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from heatwalk import Segmentation, segment, segment_at_times
 from heatwalk.io import LoadedMesh
 from studies.figures.colours import BACKGROUND, match_colours
 from studies.figures.method_figures import labels_with_background
+from studies.figures.pictures import label_of
 from studies.figures.parts import describe_parts, match_parts, most_typical
 from studies.figures.scenes import MOST_FACES, Field, Heat, Reduced, Scene, Surface, Viewport, reduce_mesh
 from studies.figures.time_scenes import Side, scenes_by_time, segmentations, times_around
@@ -27,6 +28,7 @@ from studies.reporting.text import count_of
 if TYPE_CHECKING:
     from studies.experiments.named_perturbations import NamedPerturbation
 
+VERSION = 1  # raise it when a change alters scenes: they are then made again
 POSITION = "position"  # of the slider
 TIMES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.7, 4.5, 7.5, 12.0)
 FIRST = TIMES.index(1.0)
@@ -34,6 +36,7 @@ MIN_WEIGHT = 1e-6  # of an eigenpair in the heat at the shortest time; a colour 
 MOST_DIVERGENCES = 12000  # vertices of a mesh whose divergences are shown: they take O(n²) time
 FACING = 0.7  # least cosine between the line of sight and the normal of a vertex that heat starts from
 SCATTER, COLOURS = 7919, 20  # so that neighbouring groups, whose numbers are near, differ in colour
+CROWD = 24000  # faces displayed of all meshes that are shown side by side
 ENDS = (1, 99)  # percentiles at the ends of the colours
 
 
@@ -49,12 +52,16 @@ class Shape:
         the vertical axis, see `studies.figures.views.view_of`
     most_faces : int
         that are displayed
+    method : optional
+        a Heat Walk with options of its own, with the methods ``segmentation`` and ``segmentations`` of
+        `studies.segmenters.heat_walk.HeatWalk`; by default that of the paper at time 1
     """
 
     name: str
     mesh: LoadedMesh
     upright: int = 1
     most_faces: int = MOST_FACES
+    method: Any = None
 
     @cached_property
     def reduced(self) -> Reduced:
@@ -74,12 +81,15 @@ class Shape:
     @cached_property
     def over_time(self) -> list[Segmentation]:
         """Its segmentations at all of `TIMES`."""
-        return list(segment_at_times(self.mesh.vertices, self.mesh.faces, TIMES))
+        at_times = segment_at_times if self.method is None else self.method.segmentations
+        return list(at_times(self.mesh.vertices, self.mesh.faces, TIMES))
 
-    @property
+    @cached_property
     def segmentation(self) -> Segmentation:
-        """That at time 1."""
-        return self.over_time[FIRST]
+        """That at time 1, or with the options of the method."""
+        if self.method is not None:
+            return self.method.segmentation(self.mesh.vertices, self.mesh.faces)
+        return self.over_time[FIRST] if "over_time" in self.__dict__ else segment(self.mesh.vertices, self.mesh.faces)
 
     @cached_property
     def facing(self) -> np.ndarray:
@@ -129,7 +139,7 @@ def pipeline_scenes(shape: Shape) -> list[Scene]:
         viewports = [
             shape.viewport(None, "mesh", f"{len(shape.mesh.vertices):,} vertices"),
             replace(shape.viewport(None, "heat from a vertex"), heat=shape.heat(seg, point)),
-            shape.viewport(regions, "accumulator regions", f"{len(seg.exemplars)}"),
+            shape.viewport(regions, "accumulator regions", count_of(len(seg.exemplars), "region")),
             shape.viewport(with_dissipators, "with dissipators", f"{100 * seg.dissipates.mean():.0f} % dissipate"),
         ]
         scenes.append(Scene({POSITION: time}, viewports, axes=shape.axes, slider="time"))
@@ -212,7 +222,7 @@ def showcase_scene(shapes: Sequence[Shape]) -> list[Scene]:
     """Shapes side by side (Figure 5)."""
     viewports = []
     for shape in shapes:
-        seg = segment(shape.mesh.vertices, shape.mesh.faces)
+        seg = shape.segmentation
         viewports.append(
             shape.viewport(labels_with_background(seg), shape.name, count_of(seg.n_segments, "segment"))
         )
@@ -236,8 +246,7 @@ def pose_viewports(
 ) -> list[Viewport]:
     """The viewports of the poses of a shape; labels of all vertices, -1 for the background, by default of the Heat Walk."""
     if labels is None:
-        segmented = (segment(shape.mesh.vertices, shape.mesh.faces) for shape, _ in poses)
-        labels = [labels_with_background(each) for each in segmented]
+        labels = [labels_with_background(shape.segmentation) for shape, _ in poses]
     viewports: list[Viewport] = []
     reference = labels[0][poses[0][1]]
     for (shape, common), each in zip(poses, labels, strict=True):
@@ -251,7 +260,7 @@ def pose_viewports(
 
 def class_scene(shapes: Sequence[Shape]) -> list[Scene]:
     """Shapes of one class side by side, a part in the same colour in each (Figure 7)."""
-    segs = [segment(shape.mesh.vertices, shape.mesh.faces) for shape in shapes]
+    segs = [shape.segmentation for shape in shapes]
     all_labels = [labels_with_background(seg) for seg in segs]
     parts = [
         describe_parts(
@@ -284,7 +293,7 @@ def _perturbed(
     """The mesh beside a variant, a part in the same colour in both."""
     made = named.at(level)(mesh, np.random.default_rng(seed))
     varied = _varied(shape, made.mesh)
-    after = labels_with_background(segment(varied.mesh.vertices, varied.mesh.faces))
+    after = labels_with_background(varied.segmentation)
     kept = made.counterpart >= 0
     place = made.counterpart[kept]
     coloured = match_colours(before[kept], after[place], after)
@@ -307,6 +316,103 @@ def _varied(shape: Shape, mesh: Any) -> Shape:
     if len(vertices) == len(shape.mesh.vertices) and np.array_equal(faces, shape.mesh.faces):
         varied.__dict__["reduced"] = shape.reduced
     return varied
+
+
+OF_ONE: Mapping[str, Callable[[Shape], list[Scene]]] = {
+    "pipeline": pipeline_scenes,
+    "diffusion": diffusion_scenes,
+    "walk": walk_scenes,
+    "divergences": divergence_scenes,
+    "times": time_scenes,
+}
+OF_SEVERAL: Mapping[str, Callable[[Sequence[Shape]], list[Scene]]] = {"showcase": showcase_scene, "class": class_scene}
+
+
+@dataclass(frozen=True, eq=False)
+class AnatomyScenes:
+    """The scenes of some pictures of the method, made in worker processes.
+
+    Parameters
+    ----------
+    shown : sequence of (str, str, sequence of Trial)
+        a name, what it shows (a key of `OF_ONE` or `OF_SEVERAL`), and trials with a model and a Heat Walk
+    """
+
+    shown: Sequence[tuple[str, str, Sequence[Any]]]
+    slider: ClassVar[str] = POSITION
+
+    @property
+    def content(self) -> str:
+        """What is shown, and the ids of the trials."""
+        return f"{VERSION}: {[(name, shows, [each.trial_id for each in trials]) for name, shows, trials in self.shown]}"
+
+    def tasks(self) -> list[tuple[str, str, Sequence[Any]]]:
+        """One for each picture."""
+        return list(self.shown)
+
+    @staticmethod
+    def function(task: tuple[str, str, Sequence[Any]]) -> list[Scene]:
+        """The scenes of a picture."""
+        name, shows, trials = task
+        most_faces = MOST_FACES if shows in OF_ONE else CROWD // len(trials)
+        shapes = [
+            Shape(label_of(each.model), each.model.load(), 1, most_faces, each.segmenter.method) for each in trials
+        ]
+        return named(OF_ONE[shows](shapes[0]) if shows in OF_ONE else OF_SEVERAL[shows](shapes), "picture", name)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseScenes:
+    """A scene for each shape: some of its poses, a row for each method, made in worker processes.
+
+    Parameters
+    ----------
+    shown : sequence of (str, sequence of (Trial, sequence of str))
+        a shape, and for each method a trial and the names of the poses that are shown
+    upright : {1, 2}
+        the vertical axis, see `studies.figures.views.view_of`
+    """
+
+    shown: Sequence[tuple[str, Sequence[tuple[Any, Sequence[str]]]]]
+    upright: int = 1
+    slider: ClassVar[str] = POSITION
+
+    @property
+    def content(self) -> str:
+        """The poses, and what determines their segmentations."""
+        groups = [(shape, [(trial.group_key, list(names)) for trial, names in rows]) for shape, rows in self.shown]
+        return f"{VERSION}: {groups}"
+
+    def tasks(self) -> list[tuple[str, Sequence[tuple[Any, Sequence[str]]], int]]:
+        """One for each shape."""
+        return [(shape, rows, self.upright) for shape, rows in self.shown]
+
+    @staticmethod
+    def function(task: tuple[str, Sequence[tuple[Any, Sequence[str]]], int]) -> list[Scene]:
+        """The scene of a shape."""
+        shape, rows, upright = task
+        shapes: dict[str, tuple[Shape, np.ndarray]] = {}
+        viewports: list[Viewport] = []
+        for trial, names in rows:
+            models = {model.name: model for model in trial.poses}
+            for name in names:
+                if name not in shapes:
+                    posed = Shape(label_of(models[name]), models[name].load(), upright, CROWD // len(names))
+                    shapes[name] = posed, models[name].correspondence()
+            poses = [shapes[name] for name in names]
+            segmenter = trial.segmenter_of_shape()
+            labels = [_labels_by(segmenter, posed.mesh) for posed, _ in poses]
+            row = trial.segmenter_name if len(rows) > 1 else ""
+            viewports += [replace(each, row=row) for each in pose_viewports(poses, labels)]
+        first = next(iter(shapes.values()))[0]
+        return [Scene({"shape": shape}, viewports, axes=first.axes)]
+
+
+def _labels_by(segmenter: Any, mesh: LoadedMesh) -> np.ndarray:
+    """The labels of a method, with the dissipator region of a Heat Walk as the background."""
+    if hasattr(segmenter.method, "segmentation"):
+        return labels_with_background(segmenter.method.segmentation(mesh.vertices, mesh.faces))
+    return np.asarray(segmenter(mesh.vertices, mesh.faces))
 
 
 def named(scenes: Iterable[Scene], key: str, value: str) -> list[Scene]:

@@ -7,8 +7,9 @@ value of a function) is carried over as it is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -162,6 +163,33 @@ class Scene:
     axes: np.ndarray | None = None
     key: str = ""
     slider: str = ""
+
+
+class ScenesToMake(Protocol):
+    """The scenes of a viewer before they are made: what worker processes compute, task by task.
+
+    Attributes
+    ----------
+    slider : str
+        the name, among those that are picked, that has a slider
+    content : str
+        what they are made from, by which a page tells whether it has to make them again
+    function : callable
+        a task -> its scenes
+    """
+
+    slider: ClassVar[str]
+
+    @property
+    def content(self) -> str:
+        """What they are made from."""
+
+    @property
+    def function(self) -> Callable[[Any], list[Scene]]:
+        """Makes the scenes of a task."""
+
+    def tasks(self) -> Sequence[Any]:
+        """What worker processes are given."""
 
 
 @dataclass(frozen=True, eq=False)

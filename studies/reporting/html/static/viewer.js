@@ -215,7 +215,11 @@
   const names = Object.keys(data.scenes[0].at);
   const selects = names.filter((name) => name !== data.slider);
   const rows = [...new Set(data.scenes.flatMap((scene) => scene.viewports.map((each) => each.row)))];
-  const shownRows = () => rows.filter((row) => !state.hidden.has(row));
+  /* The rows of the scene but those that are hidden; all of them if all are. */
+  const shownRows = () => {
+    const ofScene = [...new Set(scene().viewports.map((each) => each.row))], shown = ofScene.filter((row) => !state.hidden.has(row));
+    return shown.length ? shown : ofScene;
+  };
   const scene = () => data.scenes[state.scene];
 
   // The vertex that heat comes from: one for each viewport of a plate, whatever the slider says.
@@ -259,7 +263,7 @@
 
   let cells = [];
   const layOut = () => {
-    const shown = scene().viewports.filter((each) => !state.hidden.has(each.row));
+    const visible = shownRows(), shown = scene().viewports.filter((each) => visible.includes(each.row));
     const perRow = Math.max(...shownRows().map((row) => shown.filter((each) => each.row === row).length), 1);
     const most = Math.max(2, Math.floor(grid.clientWidth / 200)), lines = Math.ceil(perRow / most);
     const inRow = Math.ceil(perRow / lines);
@@ -395,13 +399,15 @@
     pickers.append(label);
     if (rows.length > 1) {
       const set = make("fieldset", { id: "rows" }, make("legend", {}, "show"));
+      controls.rows = new Map();
       for (const row of rows) {
         const box = make("input", { type: "checkbox", checked: !state.hidden.has(row), onchange: () => {
           if (box.checked) state.hidden.delete(row); else state.hidden.add(row);
           layOut();
           draw();
         } });
-        set.append(make("label", {}, box, row));
+        controls.rows.set(row, make("label", {}, box, row));
+        set.append(controls.rows.get(row));
       }
       pickers.append(set);
     }
@@ -475,6 +481,7 @@
     slider.disabled = choices.length < 2;
     controls.slider.sliderName.textContent = scene().slider ?? data.slider;
     label.style.display = at[data.slider] === undefined || (choices.length < 2 && onlyOneHides) ? "none" : "";
+    controls.rows?.forEach((each, row) => { each.hidden = !scene().viewports.some((one) => one.row === row); });
     if (controls.highlight) controls.highlight.hidden = !scene().viewports.some((each) => each.changed !== null);
     if (controls.field) controls.field.hidden = !scene().viewports.some((each) => choosable(each).length);
     for (const each of document.querySelectorAll("[data-scene]")) {
@@ -590,7 +597,8 @@
     const stream = new Blob([binary]).stream().pipeThrough(new DecompressionStream("gzip"));
     return new Uint8Array(await new Response(stream).arrayBuffer());
   };
-  if (rows.length > 2) rows.slice(2).forEach((row) => state.hidden.add(row));
+  const most = Math.max(...data.scenes.map((each) => new Set(each.viewports.map((one) => one.row)).size));
+  if (most > 2) rows.slice(2).forEach((row) => state.hidden.add(row));
   build();
   window.viewer = {
     show, state, data, scene, pickVertex, paint: (density = 1) => paint(density), cells: () => cells,
