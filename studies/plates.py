@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 PLATES = CONF / "plates.yaml"
 OUTPUT = "plates.html"
 TITLE = "The paper's figures as interactive plates"
-LEAD = "Each corresponds to a figure of the paper that introduced the Heat Walk, on other meshes unless its own are given."
+LEAD = (
+    "Each corresponds to a figure of the paper that introduced the Heat Walk, on other meshes unless its own are given."
+)
 BYTES = 15e6  # of a page
 FACES = 6000  # displayed of a mesh that is shown alone or beside a variant
 MOST_SHAPES = 20
@@ -85,7 +87,9 @@ class Sources:
             shapes = [self._of_file(path, method_scenes.CROWD // len(self.poses)) for path in self.poses]
             counts = {len(shape.mesh.vertices) for shape in shapes}
             if len(counts) > 1:
-                raise PlatesError("--poses: the meshes differ in the number of vertices; those of poses correspond by number")
+                raise PlatesError(
+                    "--poses: the meshes differ in the number of vertices; those of poses correspond by number"
+                )
             return [[(shape, np.arange(counts.copy().pop())) for shape in shapes]]
         models = self._of_dataset(plate, "tosca") or _synthetic(plate["models"])
         by_shape: dict[str, list[tuple[Shape, np.ndarray]]] = {}
@@ -134,8 +138,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="studies.plates", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("meshes", nargs="*", type=Path, metavar="MESH", help="meshes of your own")
-    parser.add_argument("--poses", nargs="+", type=Path, default=(), metavar="MESH", help="poses of one shape, for Figure 6")
-    parser.add_argument("--psb", type=Path, metavar="ROOT", help="the Princeton benchmark, whose models the paper shows")
+    parser.add_argument(
+        "--poses", nargs="+", type=Path, default=(), metavar="MESH", help="poses of one shape, for Figure 6"
+    )
+    parser.add_argument(
+        "--psb", type=Path, metavar="ROOT", help="the Princeton benchmark, whose models the paper shows"
+    )
     parser.add_argument("--tosca", type=Path, metavar="ROOT", help="TOSCA, for Figure 6")
     parser.add_argument("--figures", type=_figures, metavar="1,3,6", help="only these figures (default: all)")
     parser.add_argument("--output", type=Path, metavar="PAGE.html", help="(default: plates.html where results are)")
@@ -230,7 +238,9 @@ def _figures(text: str) -> list[int]:
     except ValueError:
         chosen = []
     if not chosen or set(chosen) - set(numbers):
-        raise argparse.ArgumentTypeError(f"must be numbers from {min(numbers)} to {max(numbers)}, such as 1,3, got {text!r}")
+        raise argparse.ArgumentTypeError(
+            f"must be numbers from {min(numbers)} to {max(numbers)}, such as 1,3, got {text!r}"
+        )
     return chosen
 
 

@@ -17,8 +17,8 @@ from heatwalk import Segmentation, segment, segment_at_times
 from heatwalk.io import LoadedMesh
 from studies.figures.colours import BACKGROUND, match_colours
 from studies.figures.method_figures import labels_with_background
-from studies.figures.pictures import label_of
 from studies.figures.parts import describe_parts, match_parts, most_typical
+from studies.figures.pictures import label_of
 from studies.figures.scenes import MOST_FACES, Field, Heat, Reduced, Scene, Surface, Viewport, reduce_mesh
 from studies.figures.time_scenes import Side, scenes_by_time, segmentations, times_around
 from studies.figures.views import view_of
@@ -115,6 +115,11 @@ class Shape:
     def viewport(self, labels: np.ndarray | None, title: str = "", note: str = "") -> Viewport:
         """The displayed mesh with labels of all vertices."""
         return Viewport(self.surface, title, "", note, None if labels is None else labels[self.reduced.source])
+
+
+def _upright(shape: Shape, viewport: Viewport) -> Viewport:
+    """A viewport beside those of other shapes, each of which is seen from its own direction."""
+    return replace(viewport, axes=shape.axes)
 
 
 def _in_order(scenes: Sequence[Scene], first: int = FIRST) -> list[Scene]:
@@ -224,7 +229,9 @@ def showcase_scene(shapes: Sequence[Shape]) -> list[Scene]:
     for shape in shapes:
         seg = shape.segmentation
         viewports.append(
-            shape.viewport(labels_with_background(seg), shape.name, count_of(seg.n_segments, "segment"))
+            _upright(
+                shape, shape.viewport(labels_with_background(seg), shape.name, count_of(seg.n_segments, "segment"))
+            )
         )
     return [Scene({POSITION: 0}, viewports, axes=shapes[0].axes)]
 
@@ -254,7 +261,8 @@ def pose_viewports(
         note = count_of(len(np.unique(each)), "segment")
         if viewports:
             note += f", CP {change_percentage(reference, each[common]):.1f} %"
-        viewports.append(shape.viewport(coloured, shape.name, note))
+        # All poses are seen as the first one: a pose may be thinnest in another direction.
+        viewports.append(replace(shape.viewport(coloured, shape.name, note), axes=poses[0][0].axes))
     return viewports
 
 
@@ -276,7 +284,7 @@ def class_scene(shapes: Sequence[Shape]) -> list[Scene]:
     for shape, seg, labels, of_shape in zip(shapes, segs, all_labels, parts, strict=True):
         numbers = match_parts(reference, of_shape)
         coloured = np.where(labels == BACKGROUND, BACKGROUND, numbers[labels])
-        viewports.append(shape.viewport(coloured, shape.name, count_of(seg.n_segments, "segment")))
+        viewports.append(_upright(shape, shape.viewport(coloured, shape.name, count_of(seg.n_segments, "segment"))))
     return [Scene({POSITION: 0}, viewports, axes=shapes[0].axes)]
 
 
@@ -287,9 +295,7 @@ def perturbed_scenes(shape: Shape, named: NamedPerturbation, seed: int = 0) -> l
     return [_perturbed(shape, before, mesh, named, level, seed) for level in named.levels]
 
 
-def _perturbed(
-    shape: Shape, before: np.ndarray, mesh: Any, named: NamedPerturbation, level: float, seed: int
-) -> Scene:
+def _perturbed(shape: Shape, before: np.ndarray, mesh: Any, named: NamedPerturbation, level: float, seed: int) -> Scene:
     """The mesh beside a variant, a part in the same colour in both."""
     made = named.at(level)(mesh, np.random.default_rng(seed))
     varied = _varied(shape, made.mesh)

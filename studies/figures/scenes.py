@@ -119,6 +119,8 @@ class Viewport:
         shown instead of the segments; a click moves its source
     faded : (n,) bool array, optional
         vertices whose colours are pale
+    axes : (3, 3) float array, optional
+        from which this surface is seen first, if not as the scene; dragging turns it as much as the others
     """
 
     surface: Surface
@@ -131,6 +133,7 @@ class Viewport:
     shows: str = ""
     heat: Heat | None = None
     faded: np.ndarray | None = None
+    axes: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

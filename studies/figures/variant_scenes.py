@@ -184,7 +184,9 @@ def worst_draws(
             break
         draws.append(_draw(both, [changes[each.trial_id] for each in both], True, lambda _: None))
     return [
-        replace(draw, at={"method": draw.trials[0].segmenter_name, **draw.at, "perturbation": titles[draw.trials[0].part]})
+        replace(
+            draw, at={"method": draw.trials[0].segmenter_name, **draw.at, "perturbation": titles[draw.trials[0].part]}
+        )
         for draw in draws
     ]
 

@@ -164,6 +164,7 @@ def unpack(packed: PackedScenes) -> list[Scene]:
                     each.get("shows", ""),
                     _unpacked_heat(each["heat"], block) if "heat" in each else None,
                     block(each["faded"], np.uint8).astype(bool) if "faded" in each else None,
+                    np.array(each["axes"]).reshape(3, 3) if "axes" in each else None,
                 )
             )
         axes = None if scene["axes"] is None else np.array(scene["axes"]).reshape(3, 3)
@@ -222,6 +223,8 @@ def _packed_extras(viewport: Viewport, blocks: _Blocks) -> dict[str, Any]:
         extras["shows"] = viewport.shows
     if viewport.faded is not None:
         extras["faded"] = blocks.add(viewport.faded.astype(np.uint8))
+    if viewport.axes is not None:
+        extras["axes"] = np.round(viewport.axes, 6).ravel().tolist()
     if viewport.heat is not None:
         extras["heat"] = _packed_heat(viewport.heat, blocks)
     return extras

@@ -261,6 +261,11 @@
     return boxes.map(() => ({ centre: first.centre, radius }));
   };
 
+  /* The directions right, up and towards the camera of a viewport: as turned, from where it is seen first. */
+  const turnOf = (viewport) => {
+    const a = scene().axes ?? [1, 0, 0, 0, 1, 0, 0, 0, 1];
+    return viewport.axes ? multiply(multiply(state.turn, [a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]]), viewport.axes) : state.turn;
+  };
   let cells = [];
   const layOut = () => {
     const visible = shownRows(), shown = scene().viewports.filter((each) => visible.includes(each.row));
@@ -269,6 +274,7 @@
     const inRow = Math.ceil(perRow / lines);
     const columns = shownRows().length > 1 && grid.clientWidth > 1000 && lines === 1 ? perRow * Math.min(shownRows().length, 2) : inRow;
     grid.style.gridTemplateColumns = `repeat(${columns}, minmax(0, 1fr))`;
+    grid.classList.toggle("many", shown.length > 4 && lines > 1);
     grid.replaceChildren();
     const frames = shown.length ? framesOf(shown) : [];
     cells = shown.map((viewport, i) => {
@@ -318,7 +324,7 @@
       const surface = surfaceOf(viewport.surface);
       const reach = frame.radius * MARGIN / state.zoom;
       const unit = Math.min(w, h) / 2 / reach;
-      const t = state.turn; // rows are right, up and towards the camera
+      const t = turnOf(viewport); // rows are right, up and towards the camera
       gl.uniformMatrix3fv(U.turn, false, [t[0], t[3], t[6], t[1], t[4], t[7], t[2], t[5], t[8]]);
       gl.uniform3fv(U.low, surface.packed.low);
       gl.uniform3fv(U.size, surface.packed.size);
@@ -497,7 +503,7 @@
 
   /* The vertex that is seen at a place of a viewport, in pixels from its middle; -1 beside the surface. */
   const vertexAt = ({ cell, viewport, frame }, x, y) => {
-    const { faces } = surfaceOf(viewport.surface), packed = data.surfaces[viewport.surface], t = state.turn;
+    const { faces } = surfaceOf(viewport.surface), packed = data.surfaces[viewport.surface], t = turnOf(viewport);
     const raw = block(packed.positions), positions = new Uint16Array(raw.buffer, raw.byteOffset, raw.length / 2);
     const unit = Math.min(cell.clientWidth, cell.clientHeight) / 2 / (frame.radius * MARGIN / state.zoom);
     const n = positions.length / 3, seen = new Float32Array(3 * n);
