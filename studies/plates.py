@@ -37,6 +37,7 @@ LEAD = (
 )
 BYTES = 15e6  # of a page
 FACES = 6000  # displayed of a mesh that is shown alone or beside a variant
+FACES_IN_A_CROWD = 24000  # displayed of all meshes that are shown side by side
 MOST_SHAPES = 20
 UPRIGHT_TOSCA = 2
 SYNTHETIC_SHAPES = ("biped", "hand", "octopus", "bird", "fish", "chair", "cup", "pliers", "star")  # of the showcase
@@ -72,29 +73,29 @@ class Sources:
         models = self._of_dataset(plate, "psb")
         if plate["shows"] == "showcase" and self.meshes:
             files = self.meshes[:MOST_SHAPES]
-            return [self._of_file(file, method_scenes.CROWD // len(files)) for file in files]
+            return [self._of_file(file, FACES_IN_A_CROWD // len(files)) for file in files]
         if not models and plate["shows"] == "showcase":
             models = [*_bundled().values(), *_synthetic(SYNTHETIC_SHAPES)]
         if not models:
             models = [model for seed in plate["seeds"] for model in _synthetic(plate["models"], seed)]
-        return [self._of_model(model, method_scenes.CROWD // len(models)) for model in models]
+        return [self._of_model(model, FACES_IN_A_CROWD // len(models)) for model in models]
 
     def posed(self, plate: Mapping[str, Any]) -> list[list[tuple[Shape, np.ndarray]]]:
         """The poses of a plate by shape, each with its vertices at the points that all of a shape have in common."""
         import numpy as np
 
         if self.poses:
-            shapes = [self._of_file(path, method_scenes.CROWD // len(self.poses)) for path in self.poses]
+            shapes = [self._of_file(path, FACES_IN_A_CROWD // len(self.poses)) for path in self.poses]
             counts = {len(shape.mesh.vertices) for shape in shapes}
             if len(counts) > 1:
                 raise PlatesError(
                     "--poses: the meshes differ in the number of vertices; those of poses correspond by number"
                 )
-            return [[(shape, np.arange(counts.copy().pop())) for shape in shapes]]
+            return [[(shape, np.arange(len(shape.mesh.vertices))) for shape in shapes]]
         models = self._of_dataset(plate, "tosca") or _synthetic(plate["models"])
         by_shape: dict[str, list[tuple[Shape, np.ndarray]]] = {}
         for model in models:
-            shape = self._of_model(model, method_scenes.CROWD // len(models))
+            shape = self._of_model(model, FACES_IN_A_CROWD // len(models))
             by_shape.setdefault(model.category, []).append((shape, model.correspondence()))
         return list(by_shape.values())
 

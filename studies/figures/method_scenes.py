@@ -251,7 +251,7 @@ def pose_scenes(shapes: Sequence[Sequence[tuple[Shape, np.ndarray]]]) -> list[Sc
 def pose_viewports(
     poses: Sequence[tuple[Shape, np.ndarray]], labels: Sequence[np.ndarray] | None = None
 ) -> list[Viewport]:
-    """The viewports of the poses of a shape; labels of all vertices, -1 for the background, by default of the Heat Walk."""
+    """The poses of a shape with labels of all vertices, -1 for the background, by default those of the Heat Walk."""
     if labels is None:
         labels = [labels_with_background(shape.segmentation) for shape, _ in poses]
     viewports: list[Viewport] = []

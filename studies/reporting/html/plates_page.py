@@ -100,8 +100,8 @@ _EXPLANATIONS = (
     "CP, the Change Percentage, is twice the share of points that must change their segment to turn one segmentation "
     "into the other; “what changed” shows where they are.",
     "Heat is computed in the browser, from the eigenpairs of the mesh, for the vertex that is clicked (with the "
-    "keyboard: Enter takes the vertex in the middle of the first surface that shows heat). Its colours go from 0 to the "
-    "largest value shown on any side. Those of other functions go from the 1st to the 99th percentile.",
+    "keyboard: Enter takes the vertex in the middle of the first surface that shows heat). Its colours go from 0 to "
+    "the largest value shown on any side. Those of other functions go from the 1st to the 99th percentile.",
     "Meshes are reduced for display by choosing some of their vertices, so that what is shown at a vertex is exactly "
     "what was computed there on the whole mesh.",
 )
