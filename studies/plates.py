@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from studies._own_packages import CONF
 from studies.storage import default_results
+from studies.storage.folders import PLATES_FILE
 from studies.terminal import MISTAKE, SUCCESS, one_line, run_command
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from studies.reporting.html.plates_page import Plate
 
 PLATES = CONF / "plates.yaml"
-OUTPUT = "plates.html"
 TITLE = "The paper's figures as interactive plates"
 LEAD = (
     "Each corresponds to a figure of the paper that introduced the Heat Walk, on other meshes unless its own are given."
@@ -149,7 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--figures", type=_figures, metavar="1,3,6", help="only these figures (default: all)")
     parser.add_argument("--output", type=Path, metavar="PAGE.html", help="(default: plates.html where results are)")
     options = parser.parse_args(arguments)
-    output = options.output or default_results() / OUTPUT
+    output = options.output or default_results() / PLATES_FILE
 
     from heatwalk.meshes import MeshError
     from heatwalk.spectrum import SpectrumError

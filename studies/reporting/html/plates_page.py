@@ -11,7 +11,6 @@ from studies.figures.scenes import Scene
 from studies.reporting.html.packing import pack
 from studies.reporting.html.page import Facts, Page, Text, ViewerBlock
 
-PLATES_FILE = "plates.html"
 PICKED = "plate"
 
 
