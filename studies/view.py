@@ -48,8 +48,8 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     command = commands.add_parser(
         "view",
         help="show the mesh, its segments over time and a perturbed variant in the browser",
-        description="Show a mesh in the browser: its segments at twenty times around --time (fewer if it is large), the\n"
-        "functions that lead to them, and beside it a perturbed variant, or the segments of the robust variant of the\n"
+        description="Show a mesh in the browser: its segments at twenty times around --time (fewer if it is large),\n"
+        "the functions that lead to them, and beside it a perturbed variant, or the segments of the robust variant of the\n"
         "method.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,

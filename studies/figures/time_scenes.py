@@ -17,8 +17,8 @@ from studies.metrics import change_percentage, match_labels
 TIMES = 20
 BEFORE = 10  # how many of them are shorter than the time that was asked for
 PER_OCTAVE = 5
-# Of a mesh with more vertices than these, fewer times are shown, so that its page takes little longer than segmenting it:
-# the shorter the shortest time, the more eigenpairs are needed, and each time is another walk.
+# Of a mesh with more vertices than these, fewer times are shown, so that its page takes little longer than segmenting
+# it: the shorter the shortest time, the more eigenpairs are needed, and each time is another walk.
 MANY_VERTICES, FEW_STEPS = 100_000, (-2, 0, 2)
 VERY_MANY_VERTICES = 400_000  # of these, one time only, without margins
 
