@@ -49,8 +49,8 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         "view",
         help="show the mesh, its segments over time and a perturbed variant in the browser",
         description="Show a mesh in the browser: its segments at twenty times around --time (fewer if it is large),\n"
-        "the functions that lead to them, and beside it a perturbed variant, or the segments of the robust variant of the\n"
-        "method.",
+        "the functions that lead to them, and beside it a perturbed variant, or the segments of the robust variant\n"
+        "of the method.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

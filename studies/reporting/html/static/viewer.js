@@ -59,6 +59,7 @@
   const program = gl.createProgram();
   gl.attachShader(program, compiled(gl.VERTEX_SHADER, VERTEX));
   gl.attachShader(program, compiled(gl.FRAGMENT_SHADER, FRAGMENT));
+  gl.bindAttribLocation(program, 0, "place"); // always an array, as Firefox wants the first one to be
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
   gl.useProgram(program);
