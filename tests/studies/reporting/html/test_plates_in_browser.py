@@ -44,9 +44,10 @@ def page(opened):
 
 
 def click(page, viewport, x, y):
-    """Click a viewport at shares of its width and height from its middle."""
+    """Click a viewport at shares of its shorter side from its middle."""
     box = page.locator(".viewport").nth(viewport).bounding_box()
-    page.mouse.click(box["x"] + (0.5 + x) * box["width"], box["y"] + (0.5 + y) * box["height"])
+    side = min(box["width"], box["height"])
+    page.mouse.click(box["x"] + box["width"] / 2 + x * side, box["y"] + box["height"] / 2 + y * side)
 
 
 def test_a_click_moves_the_source_of_heat_on_that_side_alone(page, shape):
