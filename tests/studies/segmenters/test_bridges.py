@@ -7,9 +7,10 @@ from scipy.sparse.csgraph import dijkstra
 
 from perturb.testing import odd_meshes
 from studies.segmenters._bridges import bridged, connected_dual_graph
-from studies.segmenters._distances import farthest_points, katz_tal_weights, outermost_face
+from studies.segmenters._distances import distances_from, farthest_points, katz_tal_weights, outermost_face
 from studies.segmenters._dual_graph import DualGraph
 from studies.testing import example_meshes
+from tests.helpers.meshes import bundled
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +80,16 @@ def test_each_farthest_point_is_the_farthest_from_those_before_it(torus):
     assert distances == pytest.approx(between[points])
     for i in range(1, 12):
         assert between[points[:i]].min(axis=0)[points[i]] == between[points[:i]].min(axis=0).max()
+
+
+@pytest.mark.parametrize("share", [0, 0.5, 1])  # with 0, most lengths are a millionth of a few
+def test_shortest_paths_are_those_of_scipy_bit_for_bit(share):
+    mesh = bundled("cow")
+    balls = trimesh.util.concatenate([mesh, trimesh.creation.icosphere(2).apply_translation([9, 0, 0])])
+    graph = DualGraph.of(balls.vertices, balls.faces)
+    ways = graph.matrix(katz_tal_weights(graph, share, 0.2))
+    sources = [0, 1000, graph.n_faces - 1]
+    assert np.array_equal(distances_from(ways, sources), dijkstra(ways, directed=False, indices=sources))
 
 
 def test_there_are_no_more_farthest_points_than_faces():
