@@ -264,7 +264,7 @@ def _models(name: str, root: Path) -> Sequence[Model]:
     from studies.datasets.psb import PSB
     from studies.datasets.tosca import TOSCA
 
-    dataset: Dataset = {"psb": PSB, "tosca": TOSCA}[name](root)
+    dataset: Dataset = PSB(root) if name == "psb" else TOSCA(root)
     return dataset.models()
 
 

@@ -1,5 +1,7 @@
 """Scenes of heat, of the walk, of functions, poses and variants."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
@@ -9,8 +11,12 @@ from heatwalk.segmentation import bent_torus
 from studies.experiments.named_perturbations import perturbation_named
 from studies.figures.method_scenes import (
     FIRST,
+    OF_ONE,
+    OF_SEVERAL,
     POSITION,
     TIMES,
+    AnatomyScenes,
+    PoseScenes,
     Shape,
     diffusion_scenes,
     divergence_scenes,
@@ -20,6 +26,7 @@ from studies.figures.method_scenes import (
     walk_scenes,
 )
 from studies.reporting.html import pack, unpack
+from studies.segmenters.heat_walk import HeatWalk
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +102,51 @@ def test_a_part_has_one_colour_in_all_poses_whatever_the_order_of_vertices():
     a, b = scene.viewports
     assert (a.labels == b.labels[place]).all()
     assert b.note.endswith("CP 0.0 %")
+
+
+class Twisted:
+    """A model that a study would have."""
+
+    category = "torus"
+
+    def __init__(self, name):
+        self.name = name
+
+    def load(self):
+        return LoadedMesh(*bent_torus(), ())
+
+    def correspondence(self):
+        return np.arange(len(bent_torus()[0]))
+
+
+class Method:
+    """A segmenter that a study would have."""
+
+    method = HeatWalk()
+
+    def __call__(self, vertices, faces):
+        return self.method(vertices, faces)
+
+
+TRIAL = SimpleNamespace(
+    model=Twisted("a"), segmenter=Method(), trial_id="id", group_key="key", segmenter_name="HeatWalk",
+    poses=(Twisted("a"), Twisted("b")), segmenter_of_shape=Method,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("shows", [*OF_ONE, *OF_SEVERAL])
+def test_the_viewer_of_a_study_of_the_method_has_what_its_pictures_have(shows):
+    made = AnatomyScenes([("figure", shows, [TRIAL])])
+    scenes = [scene for task in made.tasks() for scene in made.function(task)]
+    assert len(unpack(pack(scenes, slider=made.slider))) == len(scenes)
+    assert {scene.at["picture"] for scene in scenes} == {"figure"}
+    assert len({scene.at[POSITION] for scene in scenes}) == len(scenes)
+
+
+def test_the_viewer_of_poses_has_a_row_for_each_method():
+    made = PoseScenes([("torus", [(TRIAL, ["a", "b"]), (TRIAL, ["a", "b"])])])
+    [scene] = [scene for task in made.tasks() for scene in made.function(task)]
+    assert [viewport.title for viewport in scene.viewports] == ["a", "b"] * 2
+    assert [viewport.row for viewport in scene.viewports] == ["HeatWalk"] * 4
+    assert all(viewport.note.endswith("CP 0.0 %") for viewport in scene.viewports[1::2])
+    assert len({viewport.labels.tobytes() for viewport in scene.viewports}) == 1
