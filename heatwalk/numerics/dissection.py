@@ -90,7 +90,7 @@ def _dissected(
     names = count(step=2 * n + 2)  # more than a call needs for its subsets and searches
 
     def dissect(start: int, stop: int, position: int) -> list[tuple[int, int, int]]:
-        max_cuts = 1 if stop - start > largest_whole else n
+        max_cuts = 1 if stop - start > largest_whole else n + 1  # + 1: nothing is left where all are hubs, either
         rest = _dissect(
             indptr, indices, vertices, start, stop, position, max_cuts, next(names), order, begins_piece, *work, *marks
         )
