@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import dijkstra
 
 from studies.segmenters._dual_graph import DualGraph
 
@@ -82,18 +81,39 @@ def farthest_points(ways: sp.csr_array, start: int, number: int) -> tuple[NDArra
     distances : (k, m) float array
         from each of the points to every face
     """
-    points, distances = [start], [distances_from(ways, [start])[0]]
+    ways = _undirected(ways)
+    points, distances = [start], [_distances_from(ways, start)]
     nearest = distances[0].copy()
     while len(points) < number and nearest.max() > 0:
         points.append(int(nearest.argmax()))
-        distances.append(distances_from(ways, points[-1:])[0])
+        distances.append(_distances_from(ways, points[-1]))
         np.minimum(nearest, distances[-1], out=nearest)
     return np.array(points, dtype=np.int64), np.array(distances)
 
 
 def distances_from(ways: sp.csr_array, faces: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float64]:
     """Lengths of the shortest paths from each of some faces to all: (k, m)."""
-    return np.asarray(dijkstra(ways, directed=False, indices=np.asarray(faces)), dtype=np.float64)
+    ways = _undirected(ways)
+    return np.array([_distances_from(ways, int(face)) for face in faces]).reshape(len(faces), ways.shape[0])
+
+
+def _distances_from(ways: sp.csr_array, face: int) -> NDArray[np.float64]:
+    """Lengths of the shortest paths from a face to all: (m,)."""
+    from studies.segmenters._shortest_paths import shortest_paths  # compiles, which takes long to import
+
+    return shortest_paths(ways.indptr, ways.indices, ways.data, face)
+
+
+def _undirected(ways: sp.csr_array) -> sp.csr_array:
+    """The matrix with the shorter way where the two directions of a pair differ, which rounding of sums may do."""
+    reverse = ways.T.tocsr()
+    if not all(np.array_equal(getattr(ways, name), getattr(reverse, name)) for name in ("indptr", "indices", "data")):
+        ways = ways.minimum(reverse)
+    # One type of indices, so that one function is compiled.
+    undirected = sp.csr_array(ways.shape)
+    undirected.indptr, undirected.indices = ways.indptr.astype(np.int64), ways.indices.astype(np.int64)
+    undirected.data = ways.data
+    return undirected
 
 
 def check_shares(method: object, *names: str) -> None:

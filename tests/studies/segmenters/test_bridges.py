@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 import trimesh
 from scipy.sparse.csgraph import dijkstra
 
 from perturb.testing import odd_meshes
 from studies.segmenters._bridges import bridged, connected_dual_graph
-from studies.segmenters._distances import farthest_points, katz_tal_weights, outermost_face
+from studies.segmenters._distances import distances_from, farthest_points, katz_tal_weights, outermost_face
 from studies.segmenters._dual_graph import DualGraph
 from studies.testing import example_meshes
 
@@ -92,3 +93,22 @@ def test_the_outermost_face_does_not_depend_on_the_numbering(torus):
     order = np.random.default_rng(0).permutation(len(torus.faces))
     of = [outermost_face(DualGraph.of(torus.vertices, faces)) for faces in (torus.faces, torus.faces[order])]
     assert order[of[1]] == of[0]
+
+
+def test_distances_are_those_of_scipy_to_the_last_bit():
+    meshes = {**odd_meshes(), "torus": example_meshes()["torus"]}
+    for name, mesh in meshes.items():
+        graph = connected_dual_graph(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+        faces = np.unique(np.linspace(0, graph.n_faces - 1, 5).astype(int))
+        for weights in (np.maximum(graph.distances, 1e-12), katz_tal_weights(graph, 0.5, 0.2)):
+            ways = graph.matrix(weights)
+            assert np.array_equal(distances_from(ways, faces), dijkstra(ways, directed=False, indices=faces)), name
+
+
+def test_distances_are_the_shorter_way_where_directions_differ_and_infinite_where_there_is_none():
+    rng = np.random.default_rng(0)
+    ways = sp.random_array((60, 60), density=0.04, rng=rng, format="csr")
+    ways = sp.csr_array(ways + sp.csr_array(ways.T * rng.uniform(0.5, 2, size=(60, 1))))
+    expected = dijkstra(ways, directed=False)
+    assert np.isinf(expected).any()
+    assert np.array_equal(distances_from(ways, np.arange(60)), expected)
