@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from scipy.sparse import coo_array
+
+_DENSE = 8  # numbers per label up to which counting them is quicker than sorting the labels
 
 
 def contingency_table(a: ArrayLike, b: ArrayLike, weights: NDArray[np.float64] | None = None) -> coo_array:
@@ -43,11 +46,55 @@ def contingency_table(a: ArrayLike, b: ArrayLike, weights: NDArray[np.float64] |
     a, b = _checked(a, "first"), _checked(b, "second")
     if len(a) != len(b):
         raise ValueError(f"the labelings must label the same points, got {len(a)} labels and {len(b)}")
-    labels_a, row = np.unique(a, return_inverse=True)
-    labels_b, column = np.unique(b, return_inverse=True)
-    cells, cell = np.unique(row * len(labels_b) + column, return_inverse=True)
-    content = np.bincount(cell, weights=weights)
-    return coo_array((content, np.divmod(cells, len(labels_b))), shape=(len(labels_a), len(labels_b)))
+    cells = Cells.of(numbered(a), numbered(b))
+    content = cells.counts if weights is None else cells.totals(weights)
+    return coo_array((content, (cells.row, cells.column)), shape=cells.shape)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The cells of a contingency table that contain points: their rows, their columns and the cell of each point."""
+
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    cell: NDArray[np.int64]
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, a: tuple[NDArray[np.int64], int], b: tuple[NDArray[np.int64], int]) -> Cells:
+        """The cells of two labelings, each as `numbered` returns it."""
+        (row, n_rows), (column, n_columns) = a, b
+        cell, _ = numbered(row * n_columns + column)
+        counts = np.bincount(cell)
+        first = np.empty(len(counts), dtype=np.int64)
+        first[cell] = np.arange(len(cell))  # any point of each cell
+        return cls(row[first], column[first], counts, cell, (n_rows, n_columns))
+
+    def totals(self, weights: NDArray[np.float64]) -> NDArray[Any]:
+        """The weight of the points of each cell."""
+        return np.bincount(self.cell, weights=weights)
+
+    def row_sums(self, content: NDArray[Any]) -> NDArray[Any]:
+        """Sums of a content of the cells over each row."""
+        return np.bincount(self.row, weights=content, minlength=self.shape[0])
+
+    def column_sums(self, content: NDArray[Any]) -> NDArray[Any]:
+        """Sums of a content of the cells over each column."""
+        return np.bincount(self.column, weights=content, minlength=self.shape[1])
+
+
+def numbered(labels: NDArray[np.integer]) -> tuple[NDArray[np.int64], int]:
+    """The labels numbered from 0 in their order, without gaps, and how many different ones there are."""
+    span = int(labels.max()) - int(labels.min()) + 1
+    if span > _DENSE * len(labels):
+        values, index = np.unique(labels, return_inverse=True)
+        return index, len(values)
+    # Counting, because comparing labels with many references would spend most of its time sorting them.
+    wide = labels if labels.dtype.kind == "u" else labels.astype(np.int64)
+    offsets = (wide - wide.min()).astype(np.int64)
+    is_present = np.bincount(offsets, minlength=span) > 0
+    return (np.cumsum(is_present) - 1)[offsets], int(is_present.sum())
 
 
 def _checked(labels: ArrayLike, which: str) -> NDArray[np.integer]:

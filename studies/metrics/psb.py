@@ -10,19 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from heatwalk.meshes import face_areas
 from studies.columns import Column
-from studies.metrics.contingency import contingency_table
+from studies.metrics.contingency import Cells, numbered
 from studies.metrics.metric import TriangleMesh
-from studies.metrics.rand_index import rand_index_error
-
-if TYPE_CHECKING:
-    from scipy.sparse import coo_array
+from studies.metrics.rand_index import error_of_counts
+from studies.metrics.rand_index import rand_index_error as rand_index_error  # one of the benchmark's metrics, too
 
 
 def _column(name: str, heading: str, help: str) -> Column:
@@ -162,6 +160,10 @@ class Evaluator:
     def _reference_cuts(self) -> list[_Cut]:
         return [self._cuts.of(labels) for labels in self._references]
 
+    @cached_property
+    def _numbered_references(self) -> list[tuple[NDArray[np.int64], int]]:
+        return [numbered(labels) for labels in self._references]
+
     def evaluate(self, face_labels: ArrayLike) -> list[dict[str, float]]:
         """The values of `COLUMNS` of a segmentation for each reference, as `evaluate` returns them.
 
@@ -177,20 +179,21 @@ class Evaluator:
         """
         labels = np.asarray(face_labels)
         self._check(labels, "face_labels_a")
-        cut = self._cuts.of(labels)
+        cut, own = self._cuts.of(labels), numbered(labels)
         return [
-            {"cut_discrepancy": self._cuts.discrepancy(cut, reference_cut)} | self._overlap(labels, reference)
-            for reference, reference_cut in zip(self._references, self._reference_cuts, strict=True)
+            {"cut_discrepancy": self._cuts.discrepancy(cut, reference_cut)} | self._overlap(Cells.of(own, reference))
+            for reference, reference_cut in zip(self._numbered_references, self._reference_cuts, strict=True)
         ]
 
-    def _overlap(self, a: NDArray[np.integer], b: NDArray[np.integer]) -> dict[str, float]:
+    def _overlap(self, cells: Cells) -> dict[str, float]:
         """The values that depend on how segments overlap, and not on where their cuts are."""
-        by_count, by_area = contingency_table(a, b), contingency_table(a, b, self._areas)
-        false_alarm_rate, missing_rate = (_outside_best_match(by_area, axis) for axis in (1, 0))
+        by_count, by_area = _Overlap(cells, cells.counts), _Overlap(cells, cells.totals(self._areas))
+        false_alarm_rate, missing_rate = by_area.outside_best_matches()
         gce, lce = _consistency_errors(by_count, by_count)
         gce_area, lce_area = _consistency_errors(by_area, by_count)
+        rows, columns = by_count.rows.astype(np.int64), by_count.columns.astype(np.int64)
         return {
-            "rand_index_error": rand_index_error(a, b),
+            "rand_index_error": error_of_counts(cells.counts, rows, columns),
             "hamming": (missing_rate + false_alarm_rate) / 2,
             "missing_rate": missing_rate,
             "false_alarm_rate": false_alarm_rate,
@@ -205,25 +208,38 @@ class Evaluator:
             raise ValueError(
                 f"{name} must have one label for each of the {len(self._areas)} faces, got the shape {labels.shape}"
             )
+        if labels.dtype.kind not in "iu":
+            raise ValueError(f"{name} must hold integers, got {labels.dtype}")
 
 
-def _outside_best_match(by_area: coo_array, axis: int) -> float:
-    """The share of the area outside the best match of each row (axis 1) or column (axis 0)."""
-    # Subtracted per segment, so that the result is exactly 0 for equal segments and never negative.
-    outside = by_area.sum(axis=axis) - by_area.max(axis=axis).toarray().ravel()
-    return float(outside.sum() / by_area.sum())
+class _Overlap:
+    """How large the intersections of the segments of two segmentations are, by number of faces or by area."""
+
+    def __init__(self, cells: Cells, sizes: NDArray[Any]) -> None:
+        self.cells, self.sizes = cells, sizes
+        self.rows, self.columns = cells.row_sums(sizes), cells.column_sums(sizes)
+        self.total = sizes.sum()
+
+    def outside_best_matches(self) -> tuple[float, float]:
+        """The share of the total outside the best match of each row, and of each column."""
+        shares = []
+        for sums, index in ((self.rows, self.cells.row), (self.columns, self.cells.column)):
+            best = np.zeros(len(sums))
+            np.maximum.at(best, index, self.sizes)
+            # Subtracted per segment, so that the result is exactly 0 for equal segments and never negative.
+            shares.append(float((sums - best).sum() / self.total))
+        return shares[0], shares[1]
 
 
-def _consistency_errors(sizes: coo_array, counts: coo_array) -> tuple[float, float]:
+def _consistency_errors(sizes: _Overlap, counts: _Overlap) -> tuple[float, float]:
     """GCE and LCE: local refinement errors computed from ``sizes``, their mean weighted by ``counts``."""
     errors = [
         # A segment without area counts as entirely inside the other.
-        1 - np.divide(sizes.data, segment, out=np.ones(sizes.nnz), where=segment > 0)
-        for segment in (sizes.sum(axis=1)[sizes.coords[0]], sizes.sum(axis=0)[sizes.coords[1]])
+        1 - np.divide(sizes.sizes, segment, out=np.ones(len(segment)), where=segment > 0)
+        for segment in (sizes.rows[sizes.cells.row], sizes.columns[sizes.cells.column])
     ]
-    n = counts.sum()
-    gce = min(counts.data @ error for error in errors) / n
-    lce = counts.data @ np.minimum(*errors) / n
+    gce = min(counts.sizes @ error for error in errors) / counts.total
+    lce = counts.sizes @ np.minimum(*errors) / counts.total
     return float(gce), float(lce)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from studies.columns import Column
 from studies.metrics.contingency import contingency_table
@@ -44,10 +45,15 @@ def rand_index_error(a: ArrayLike, b: ArrayLike) -> float:
     0.5
     """
     table = contingency_table(a, b)
-    n = int(table.sum())
+    return error_of_counts(table.data, table.sum(axis=1), table.sum(axis=0))
+
+
+def error_of_counts(cells: NDArray[np.int64], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> float:
+    """The Rand Index error from the numbers of points in the cells, rows and columns of a contingency table."""
+    n = int(rows.sum())
     if n == 1:
         return 0.0
-    ordered_pairs = (table.sum(axis=1) ** 2).sum() + (table.sum(axis=0) ** 2).sum() - 2 * (table.data**2).sum()
+    ordered_pairs = (rows**2).sum() + (columns**2).sum() - 2 * (cells**2).sum()
     return int(ordered_pairs) / (n * (n - 1))
 
 

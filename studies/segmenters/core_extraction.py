@@ -167,7 +167,8 @@ def embedded(distances: NDArray[np.float64], iterations: int) -> NDArray[np.floa
     values, vectors = np.linalg.eigh(centred / 2)
     points = vectors[:, -3:] * np.sqrt(np.maximum(values[-3:], 0))
     for _ in range(iterations):
-        actual = np.linalg.norm(points[:, None] - points, axis=2)
+        x, y, z = (np.subtract.outer(along, along) ** 2 for along in points.T)
+        actual = np.sqrt(x + y + z)
         ratios = np.where(actual > _TINY, distances / np.maximum(actual, _TINY), 0.0)
         points = (ratios.sum(axis=1)[:, None] * points - ratios @ points) / len(points)
     return np.asarray(points, dtype=np.float64)

@@ -5,10 +5,13 @@ import scipy.sparse as sp
 import trimesh
 from scipy.sparse.linalg import eigsh
 
+import heatwalk
+import perturb
 from heatwalk import spectrum as spectrum_module
 from heatwalk.kernel import largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
 from heatwalk.spectrum import SpectrumError, SpectrumSolver
+from studies.metrics.change_percentage import change_percentage
 from tests.helpers.meshes import bundled
 
 
@@ -145,6 +148,19 @@ def test_a_missed_residual_is_an_error(monkeypatch):
     monkeypatch.setattr(spectrum_module, "MAX_RESIDUAL", 1e-18)
     with pytest.raises(SpectrumError, match=r"residual of .* remesh or clean"):
         solver(mesh.vertices, mesh.faces).up_to(200)
+
+
+@pytest.mark.parametrize("factor", [1, spectrum_module.ROUNDING_FACTOR])
+def test_residuals_from_rounding_next_to_slivers_are_accepted_because_no_label_depends_on_them(factor, monkeypatch):
+    mesh = bundled("cow")
+    slivers = perturb.Slivers(0.8, aspect=3000)(mesh, np.random.default_rng(1))
+    monkeypatch.setattr(spectrum_module, "ROUNDING_FACTOR", factor)
+    if factor == 1:
+        with pytest.raises(SpectrumError, match="very flat or very unequal triangles"):
+            heatwalk.segment(slivers.mesh.vertices, slivers.mesh.faces)
+        return
+    found = heatwalk.segment(slivers.mesh.vertices, slivers.mesh.faces).labels[slivers.counterpart]
+    assert change_percentage(heatwalk.segment(mesh.vertices, mesh.faces).labels, found) < 0.5
 
 
 def test_fiedler_value_of_the_unit_area_sphere_is_eight_pi():
