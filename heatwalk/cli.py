@@ -195,6 +195,13 @@ def _parser() -> tuple[argparse.ArgumentParser, "argparse._SubParsersAction[argp
         metavar="OUT.ply|FOLDER",
         help="default: the name of MESH with _segments.ply, in the current directory; of several meshes, next to each",
     )
+    command.add_argument(
+        "--threads",
+        type=_positive_integer,
+        metavar="N",
+        help="how many threads share the work on a large mesh; the result does not depend on it (default: all "
+        "processors that this process may use, or the number in OMP_NUM_THREADS)",
+    )
     command.add_argument("--force", action="store_true", help="overwrite output files that this command did not write")
     command.set_defaults(run=_segment, reject=command.error)
 
@@ -261,6 +268,13 @@ def positive_time(text: str) -> float:
     if not 0 < time < math.inf:
         raise argparse.ArgumentTypeError(f"must be a positive, finite number, got {text!r}")
     return time
+
+
+def _positive_integer(text: str) -> int:
+    """The value of --threads."""
+    if not (text.isascii() and text.isdecimal() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"must be a positive integer, got {text!r}")
+    return int(text)
 
 
 def fail(message: object) -> int:
@@ -340,6 +354,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
     from heatwalk.io.seg import seg_bytes
     from heatwalk.meshes import MeshError
     from heatwalk.numerics.compilation import announced
+    from heatwalk.numerics.threads import with_threads
     from heatwalk.robust.options import Options
     from heatwalk.robust.segmentation import segment_robust
     from heatwalk.segmentation import segment
@@ -361,9 +376,11 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
             segmentation: Segmentation
             if arguments.robust:
                 options = Options(refine=arguments.parts, hierarchy=arguments.parts)
-                segmentation = segment_robust(mesh.vertices, mesh.faces, time=arguments.time, options=options)
+                segmentation = segment_robust(
+                    mesh.vertices, mesh.faces, time=arguments.time, options=options, threads=arguments.threads
+                )
             else:
-                segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time)
+                segmentation = segment(mesh.vertices, mesh.faces, time=arguments.time, threads=arguments.threads)
     except (MeshError, SpectrumError) as error:
         return f"{path}: {error}"
     except MemoryError:
@@ -376,7 +393,7 @@ def _write_segments(arguments: argparse.Namespace, path: Path, mesh: "LoadedMesh
             segmentation.labels,
             dissipator=len(segmentation.exemplars),
             comments=[_digest_comment(seg_bytes(segmentation.face_labels))],
-            properties=_vertex_properties(segmentation),
+            properties=with_threads(arguments.threads, _vertex_properties, segmentation),
         )
         write_seg(labels_output, segmentation.face_labels)
     except OSError as error:

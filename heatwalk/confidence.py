@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from heatwalk.accumulators import HeatWalk
 from heatwalk.kernel import BLOCK_BYTES, HeatKernel
+from heatwalk.numerics.threads import shared
 
 
 def label_margin(
@@ -87,9 +88,10 @@ def walk_margin(kernel: HeatKernel, walk: HeatWalk, labels: NDArray[np.int64]) -
         for vertices in np.split(order, np.flatnonzero(np.diff(labels[order])) + 1):
             others = kernel.factor[of_part[labels[of_part] != labels[vertices[0]]]]
             height = max(1, BLOCK_BYTES // (8 * max(len(others), 1)))
-            for start in range(0, len(vertices), height) if len(others) else ():
-                rows = vertices[start : start + height]
-                elsewhere[rows] = (kernel.factor[rows] @ others.T).max(axis=1)
+            blocks = [vertices[start : start + height] for start in range(0, len(vertices), height)]
+            if len(others):
+                largest = shared(lambda rows, others=others: (kernel.factor[rows] @ others.T).max(axis=1), blocks)
+                elsewhere[vertices] = np.concatenate(largest)
     margin = np.clip(1 - elsewhere / best, 0, 1)
     return least_on_path(margin, walk.pointer)
 

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.kernel import HeatKernel
+from heatwalk.numerics.threads import PIECES_PER_THREAD, number_of_threads, shared, worth_sharing
 
 # Least density, relative to the largest, inside a logarithm: smaller values are rounding errors of the kernel.
 MIN_DENSITY = 1e-16
@@ -76,33 +77,55 @@ def relative_entropy_excess(
         region = np.unique(labels[part], return_inverse=True)[1]
         source = np.ones(n) if sources is None else sources[part]
         region_sums = np.asarray(sp.csr_array((source, region, np.arange(n + 1))).T @ factor)
-        total = measure[part] @ factor
-        part_measure = measure[part].sum()
-        scale = part_measure / (region_sums @ total)
-        # The densities of all regions, in blocks of rows: recomputing them in each pass is faster than keeping them.
-        height = max(1, BLOCK_BYTES // (8 * len(region_sums)))
-        blocks = [slice(start, start + height) for start in range(0, n, height)]
-        mean = total / part_measure
-        rounding = sum(measure[part[rows]] @ (factor[rows] - mean) for rows in blocks) / part_measure  # of the mean
-        peak = np.max(
-            [((factor[rows] - mean - rounding) @ region_sums.T * scale).max(axis=0) for rows in blocks], axis=0
-        )
-        lowest = MIN_DENSITY * (1 + peak) - 1
-        log_sums, square_sums, weighted_sums = np.zeros(len(scale)), np.zeros(len(scale)), np.zeros_like(region_sums)
-        for rows in blocks:
-            centred, weight = factor[rows] - mean - rounding, measure[part[rows], None]
-            log_ratio = np.log1p(np.maximum(centred @ region_sums.T * scale, lowest))
-            log_sums += (weight * log_ratio).sum(axis=0)
-            square_sums += (weight * log_ratio**2).sum(axis=0)
-            weighted_sums += (weight * log_ratio).T @ centred
-        deviation = np.sqrt(square_sums / part_measure)
-        tolerance = np.where(deviation <= UNIFORM, np.inf, deviation * np.maximum(TIE * deviation, ROUNDING))
-        for rows in blocks:
-            of_region = region[rows]
-            difference = np.einsum("ij,ij->i", factor[rows], weighted_sums[of_region]) / (factor[rows] @ total)
-            difference += log_sums[of_region] / part_measure
-            excess[part[rows]] = np.where(np.abs(difference) <= tolerance[of_region], 0, -difference)
+        excess[part] = _excess_of_component(factor, region, region_sums, measure[part])
     return excess
+
+
+def _excess_of_component(
+    factor: NDArray[np.float64],
+    region: NDArray[np.int64],
+    region_sums: NDArray[np.float64],
+    measure: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """`relative_entropy_excess` of the vertices of a component, from their regions and the sum of rows of each."""
+    total = measure @ factor
+    whole = measure.sum()
+    scale = whole / (region_sums @ total)
+    # The densities of all regions, in blocks of rows: recomputing them in each pass is faster than keeping them.
+    height = max(1, BLOCK_BYTES // (8 * len(region_sums)))
+    blocks = [slice(start, start + height) for start in range(0, len(factor), height)]
+    mean = total / whole
+    rounding = sum(shared(lambda rows: measure[rows] @ (factor[rows] - mean), blocks)) / whole  # of the mean
+
+    def largest(rows: slice) -> NDArray[np.float64]:
+        return ((factor[rows] - mean - rounding) @ region_sums.T * scale).max(axis=0)
+
+    peak = np.max(shared(largest, blocks), axis=0)
+    lowest = MIN_DENSITY * (1 + peak) - 1
+
+    def sums(rows: slice) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        centred, weight = factor[rows] - mean - rounding, measure[rows, None]
+        log_ratio = np.log1p(np.maximum(centred @ region_sums.T * scale, lowest))
+        weighted = weight * log_ratio
+        return weighted.sum(axis=0), (weight * log_ratio**2).sum(axis=0), weighted.T @ centred
+
+    log_sums, square_sums, weighted_sums = np.zeros(len(scale)), np.zeros(len(scale)), np.zeros_like(region_sums)
+    # Some blocks at a time, as their sums may take more memory than all else.
+    n_together = PIECES_PER_THREAD * number_of_threads() if worth_sharing(len(factor)) else 1
+    for start in range(0, len(blocks), n_together):
+        for log_sum, square_sum, weighted_sum in shared(sums, blocks[start : start + n_together]):
+            log_sums += log_sum
+            square_sums += square_sum
+            weighted_sums += weighted_sum
+    deviation = np.sqrt(square_sums / whole)
+    tolerance = np.where(deviation <= UNIFORM, np.inf, deviation * np.maximum(TIE * deviation, ROUNDING))
+
+    def excess(rows: slice) -> NDArray[np.float64]:
+        difference = np.einsum("ij,ij->i", factor[rows], weighted_sums[region[rows]]) / (factor[rows] @ total)
+        difference += log_sums[region[rows]] / whole
+        return np.where(np.abs(difference) <= tolerance[region[rows]], 0, -difference)
+
+    return np.concatenate(shared(excess, blocks))
 
 
 def divergence_from_uniform(kernel: HeatKernel, weights: NDArray[np.float64] | None = None) -> NDArray[np.float64]:

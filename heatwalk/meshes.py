@@ -310,6 +310,27 @@ def repeats_earlier_face(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     return repeats
 
 
+def without_repeated_faces(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The faces that do not repeat an earlier one; not copied if none does.
+
+    Parameters
+    ----------
+    faces : (m, 3) int array
+
+    Returns
+    -------
+    (m', 3) int array
+
+    Examples
+    --------
+    >>> without_repeated_faces(np.array([[0, 1, 2], [0, 1, 3], [2, 1, 0]]))
+    array([[0, 1, 2],
+           [0, 1, 3]])
+    """
+    repeats = repeats_earlier_face(faces)
+    return faces[~repeats] if repeats.any() else faces
+
+
 def referenced(faces: NDArray[np.integer], n_vertices: int) -> NDArray[np.bool_]:
     """Whether each vertex belongs to a face: (n_vertices,) bool array."""
     used = np.zeros(n_vertices, dtype=bool)

@@ -13,7 +13,8 @@ from heatwalk.confidence import label_margin
 from heatwalk.dissipators import divergence_from_uniform, relative_entropy_excess
 from heatwalk.kernel import HeatKernel, largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
-from heatwalk.meshes import check_mesh, repeats_earlier_face
+from heatwalk.meshes import check_mesh, without_repeated_faces
+from heatwalk.numerics.threads import one_blas_thread, sharing_everything, with_threads, working_threads
 from heatwalk.spectrum import Spectrum, SpectrumSolver
 
 # Increased when a change of the code changes labels, so that stored results of older versions are not reused.
@@ -88,11 +89,13 @@ class Segmentation:
         return self.relative_entropy_excess > 0
 
     @cached_property
+    @one_blas_thread()
     def divergence_from_uniform(self) -> NDArray[np.float64]:
         """KL(p_x ‖ uniform), (n,) float array in nats (paper, Figure 4 b); O(n²) time on first access."""
         return divergence_from_uniform(self.kernel, self._weights)
 
     @cached_property
+    @one_blas_thread()
     def margin(self) -> NDArray[np.float64]:
         """How far the label of each vertex is from another one: (n,) float array in [0, 1], 0 if another ties with it.
 
@@ -115,6 +118,7 @@ def segment(
     time_unit: str = "paper",
     density: str = "vertices",
     split_dissipators: bool = False,
+    threads: int | None = None,
 ) -> Segmentation:
     """Segment a triangle mesh with the Heat Walk.
 
@@ -132,6 +136,9 @@ def segment(
         whether heat densities are sums over vertices, as in the paper, or integrals over the surface
     split_dissipators : bool
         give each connected piece of the dissipator region its own label
+    threads : int, optional
+        how many threads share the work if the mesh is large, at least 1; by default as many as this process may use:
+        its processors, or the number in the environment variable ``OMP_NUM_THREADS``. The result does not depend on it
 
     Returns
     -------
@@ -144,7 +151,7 @@ def segment(
     SpectrumError
         if the eigensolver does not reach its required residual
     ValueError
-        if the time is not positive and finite, or an option is unknown
+        if the time is not positive and finite, an option is unknown, or ``threads`` is not a positive integer
 
     Notes
     -----
@@ -169,7 +176,13 @@ def segment(
     """
     return next(
         segment_at_times(
-            vertices, faces, [time], time_unit=time_unit, density=density, split_dissipators=split_dissipators
+            vertices,
+            faces,
+            [time],
+            time_unit=time_unit,
+            density=density,
+            split_dissipators=split_dissipators,
+            threads=threads,
         )
     )
 
@@ -182,12 +195,13 @@ def segment_at_times(
     time_unit: str = "paper",
     density: str = "vertices",
     split_dissipators: bool = False,
+    threads: int | None = None,
 ) -> Iterator[Segmentation]:
     """Segment a triangle mesh with the Heat Walk at several times, from a single spectrum: that of the shortest time.
 
     Parameters
     ----------
-    vertices, faces, time_unit, density, split_dissipators
+    vertices, faces, time_unit, density, split_dissipators, threads
         as in `segment`
     times : sequence of floats, in any order
 
@@ -212,23 +226,26 @@ def segment_at_times(
     True
     """
     times = check_times(times, time_unit, density)
-    stopwatch = Stopwatch()
-    vertices, faces = check_mesh(vertices, faces)
-    surface = faces[~repeats_earlier_face(faces)]
-    stiffness, mass = stiffness_and_mass(unit_area(vertices, surface), surface)
-    component = vertex_components(len(vertices), faces)
-    shared_seconds = {"operator": stopwatch.lap()}
+    with working_threads(threads):
+        stopwatch = Stopwatch()
+        vertices, faces = check_mesh(vertices, faces)
+        surface = without_repeated_faces(faces)
+        stiffness, mass = stiffness_and_mass(unit_area(vertices, surface), surface)
+        component = vertex_components(len(vertices), faces)
+        del vertices, surface
+        shared_seconds = {"operator": stopwatch.lap()}
 
-    solver = SpectrumSolver(stiffness, mass, component)
-    del stiffness
-    standard_times = in_standard_units(times, time_unit, solver)
-    spectrum = solver.up_to(largest_eigenvalue(min(standard_times)))
-    del solver  # the factor is larger than everything that follows
-    shared_seconds["spectrum"] = stopwatch.lap()
-    shared_seconds["compilation"] = stopwatch.compilation
+        solver = SpectrumSolver(stiffness, mass, component)
+        del stiffness
+        standard_times = in_standard_units(times, time_unit, solver)
+        spectrum = solver.up_to(largest_eigenvalue(min(standard_times)))
+        del solver  # the factor is larger than everything that follows
+        shared_seconds["spectrum"] = stopwatch.lap()
+        shared_seconds["compilation"] = stopwatch.compilation
     weights = mass if density == "area" else None
     return (
-        _segment_at_time(faces, spectrum, time, weights, split_dissipators, shared_seconds) for time in standard_times
+        with_threads(threads, _segment_at_time, faces, spectrum, time, weights, split_dissipators, shared_seconds)
+        for time in standard_times
     )
 
 
@@ -261,7 +278,8 @@ def compile_ahead() -> None:
     --------
     >>> compile_ahead()
     """
-    segment(*bent_torus())
+    with sharing_everything():
+        segment(*bent_torus(), threads=2)
 
 
 def bent_torus(n: int = 20) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -21,6 +21,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from heatwalk.numerics.sparse import diagonal_block, permute_symmetric, scale_symmetric
+from heatwalk.numerics.threads import one_blas_thread, serial, shared, worth_sharing
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -73,6 +74,9 @@ PROBE_STEPS = 4
 # this share of the steps of the iteration.
 MANY_PAIRS = 200
 LONGEST_PROBE = 0.25
+
+# Rows of eigenvectors that are copied at a time.
+STRIPE = 2**13
 
 # Eigenvalues this close to one another (relative) count as one multiple eigenvalue.
 MULTIPLICITY_TOLERANCE = 1e-6
@@ -156,6 +160,7 @@ class SpectrumSolver:
     array([[0.  , 1.  , 1.  , 2.  , 3.99, 3.99]])
     """
 
+    @one_blas_thread()
     def __init__(
         self,
         stiffness: "sp.csc_array",
@@ -178,6 +183,7 @@ class SpectrumSolver:
             for start, stop in pairwise(bounds)
         ]
 
+    @one_blas_thread()
     def up_to(self, limit: float) -> Spectrum:
         """Compute every eigenpair with an eigenvalue of at most ``limit``, and all of the eigenspace of the last one.
 
@@ -202,7 +208,7 @@ class SpectrumSolver:
         for i, (part, (values, vectors, _)) in enumerate(zip(self._parts, found, strict=True)):
             eigenvalues[i, 1 : 1 + len(values)] = values
             eigenvectors[part.vertices, 0] = 1 / np.linalg.norm(part.root_mass)
-            eigenvectors[part.vertices, 1 : 1 + len(values)] = vectors / part.root_mass[:, None]
+            part.copy_functions(vectors, eigenvectors[:, 1 : 1 + len(values)])
         residual = max(residual for _, _, residual in found)
         return Spectrum(eigenvalues, eigenvectors, self.component, self.mass, float(limit), residual)
 
@@ -257,25 +263,35 @@ class _Component:
         values, vectors = self.values[:count], self.vectors[:, :count]
         return values, vectors, self._check_residual(values, vectors)
 
+    def copy_functions(self, vectors: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+        """Put the functions φ = M^{-1/2} u of ``vectors`` u of A into the rows of a target at its vertices."""
+
+        def copy_rows(start: int) -> None:
+            rows = slice(start, start + STRIPE)
+            target[self.vertices[rows]] = vectors[rows] / self.root_mass[rows, None]
+
+        shared(copy_rows, range(0, len(vectors), STRIPE))
+
     def _check_residual(self, values: NDArray[np.float64], vectors: NDArray[np.float64]) -> float:
         """The largest residual; SpectrumError if it is too large."""
-        # With u = M^{1/2} φ: L φ = M^{1/2} A u and M φ = M^{1/2} u. One pair at a time, to save memory.
-        largest = 0.0
-        for value, u in zip(values, vectors.T, strict=True):
-            scale = np.linalg.norm(self.root_mass * u) * max(value, 1.0)
-            residual = float(np.linalg.norm(self.root_mass * (self.matrix @ u - value * u)) / scale)
-            largest = max(largest, residual)
-            if residual <= self.max_residual:
-                continue
+        # One pair at a time in each thread, to save memory.
+        each = shared if worth_sharing(len(vectors)) else serial
+        return max(each(self._residual, values, vectors.T), default=0.0)
+
+    def _residual(self, value: float, u: NDArray[np.float64]) -> float:
+        """The residual of a pair; SpectrumError if it is too large."""
+        # With u = M^{1/2} φ: L φ = M^{1/2} A u and M φ = M^{1/2} u.
+        scale = np.linalg.norm(self.root_mass * u) * max(value, 1.0)
+        residual = float(np.linalg.norm(self.root_mass * (self.matrix @ u - value * u)) / scale)
+        if not residual <= self.max_residual:
             rounding = float(np.linalg.norm(self.root_mass * (abs(self.matrix) @ abs(u))) / scale) * np.finfo(float).eps
-            if residual <= min(ROUNDINGS * rounding, ROUNDING_FACTOR * self.max_residual):
-                continue
-            raise SpectrumError(
-                f"the eigenpairs of {_describe(self.vertices)} have a residual of {residual:.1e}, more than "
-                f"{self.max_residual:.0e}, usually because of very flat or very unequal triangles; remesh or clean the "
-                "mesh"
-            )
-        return largest
+            if not residual <= min(ROUNDINGS * rounding, ROUNDING_FACTOR * self.max_residual):
+                raise SpectrumError(
+                    f"the eigenpairs of {_describe(self.vertices)} have a residual of {residual:.1e}, more than "
+                    f"{self.max_residual:.0e}, usually because of very flat or very unequal triangles; remesh or clean "
+                    "the mesh"
+                )
+        return residual
 
     def _solve_densely(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """All positive eigenvalues and their eigenvectors."""
@@ -365,8 +381,11 @@ class _Component:
     def _apply_inverse(self, block: NDArray[np.float64]) -> NDArray[np.float64]:
         """(A - σ)⁻¹ ``block``, with the constant projected out."""
         block = self._solver.solve(block)
-        for side in block.T:
+
+        def project(side: NDArray[np.float64]) -> None:
             side -= (self.constant @ side) * self.constant
+
+        (shared if worth_sharing(*block.shape) else serial)(project, block.T)
         return block
 
 

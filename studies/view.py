@@ -48,8 +48,9 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     command = commands.add_parser(
         "view",
         help="show the mesh, its segments over time and a perturbed variant in the browser",
-        description="Show a mesh in the browser: its segments at twenty times around --time, the functions that lead\n"
-        "to them, and beside it a perturbed variant, or the segments of the robust variant of the method.",
+        description="Show a mesh in the browser: its segments at twenty times around --time (fewer if it is large),\n"
+        "the functions that lead to them, and beside it a perturbed variant, or the segments of the robust variant\n"
+        "of the method.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -184,23 +185,25 @@ def _perturbation(arguments: argparse.Namespace) -> perturb.Perturbation | None:
 
 def _show(arguments: argparse.Namespace, mesh: LoadedMesh, perturbation: perturb.Perturbation | None) -> int:
     """Make the page, and write or open it; returns the exit code."""
-    from studies.figures.time_scenes import BEFORE, sides_of, times_around
+    from studies.figures.time_scenes import sides_of, times_around
     from studies.reporting.html.mesh_page import mesh_page
     from studies.reporting.text import count_of
 
-    times = times_around(arguments.time)
+    times = times_around(arguments.time, len(mesh.vertices))
+    first = times.index(arguments.time)
 
     def announce(side: Side) -> None:
         name = ", ".join(filter(None, (side.title, side.row)))
         counts = [each.n_segments for each in side.at_times]
-        print(f"{name}: {count_of(counts[BEFORE], 'segment')} at time {arguments.time:g}", end="")
-        print(f" ({min(counts)} to {max(counts)} at times {times[0]:g} to {times[-1]:g})", flush=True)
+        print(f"{name}: {count_of(counts[first], 'segment')} at time {arguments.time:g}", end="")
+        several = f" ({min(counts)} to {max(counts)} at times {times[0]:g} to {times[-1]:g})"
+        print(several if len(times) > 1 else "", flush=True)
 
     methods = {METHOD: False, **({ROBUST_METHOD: True} if arguments.robust else {})}
     variant = None if perturbation is None else _variant(mesh, perturbation, arguments.seed)
     sides = sides_of((mesh.vertices, mesh.faces), variant, times, methods, announce)
     title = arguments.mesh.name if perturbation is None else f"{arguments.mesh.name}, {_label(arguments)}"
-    page = mesh_page(title, times, sides, _facts(arguments, mesh, variant), _command(arguments))
+    page = mesh_page(title, times, sides, _facts(arguments, mesh, variant), _command(arguments), first)
     path = arguments.output
     try:
         if path is None:

@@ -26,14 +26,25 @@ a substitution is a single product with the panel.
             x(J) = [D⁻¹; F D⁻¹]ᵀ [x(J); -x(R(J))]
 
 Each stored number is read once per pass for two right-hand sides: the speed of memory is the limit.
+
+Parts of the tree of pieces are shared among threads (`heatwalk.numerics.subtrees`). What a part subtracts from places
+outside it is kept, and subtracted in the order of the pieces: each number is the result of the same operations in the
+same order for any number of threads.
+
+    for each part, subtrees first                                                     `_factorise_part`
+        for each earlier part with rows in its columns: wait for it, subtract it      `_update_from`
+        factorise it, and keep F of its pieces with rows beyond it                    `_factorise`
 """
 
+from concurrent.futures import Future
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.numerics.compilation import compiled, inlined
+from heatwalk.numerics.subtrees import Part, independent_ranges, stretches
+from heatwalk.numerics.threads import number_of_threads, results, shared, started, worth_sharing
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -88,8 +99,11 @@ class Cholesky:
         row_starts, rows = _panel_rows(indptr, indices, starts)
         widths = np.diff(starts)
         entry_starts = np.append(0, np.cumsum(widths * (widths + np.diff(row_starts))))
-        self._panels = Panels(starts, row_starts, rows, entry_starts, np.zeros(entry_starts[-1]))
-        _factorise(indptr, indices, matrix.data, shift, self._panels)
+        self._panels = panels = Panels(starts, row_starts, rows, entry_starts, np.zeros(entry_starts[-1]))
+        panel_of = _panel_of_columns(starts)
+        subtrees = _subtrees(panels, panel_of)
+        self._parts = [_part(panels, *bounds, bounds in subtrees) for bounds in stretches(subtrees, len(widths))]
+        _factorise_parts(indptr, indices, matrix.data, shift, panels, panel_of, self._parts)
 
     @property
     def n_entries(self) -> int:
@@ -101,8 +115,21 @@ class Cholesky:
         n_sides = block.shape[1]
         x = np.zeros((n_sides + n_sides % 2, len(block)))
         x[:n_sides] = block.T
-        _substitute_forward(x, self._panels)
-        _substitute_backward(x, self._panels)
+        kept = [np.empty((len(x), len(part.rows))) for part in self._parts]
+        subtrees = [part for part in self._parts if part.is_subtree]
+        shared(
+            lambda part, kept: _substitute_forward(x, self._panels, part.first, part.last, kept),
+            subtrees,
+            [values for values, part in zip(kept, self._parts, strict=True) if part.is_subtree],
+        )
+        for part, values in zip(self._parts, kept, strict=True):
+            if not part.is_subtree:
+                _substitute_forward(x, self._panels, part.first, part.last, values)
+            _subtract_kept(x, part.rows, values)
+        for part in reversed(self._parts):
+            if not part.is_subtree:
+                _substitute_backward(x, self._panels, part.first, part.last)
+        shared(lambda part: _substitute_backward(x, self._panels, part.first, part.last), subtrees)
         return x[:n_sides].T
 
 
@@ -121,6 +148,64 @@ def _panel_of_columns(starts: NDArray[np.int64]) -> NDArray[np.int64]:
     for j in range(len(starts) - 1):
         panel_of[starts[j] : starts[j + 1]] = j
     return panel_of
+
+
+# --- parts that are shared among threads
+
+
+def _subtrees(panels: Panels, panel_of: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Ranges of panels that need nothing from panels outside them: all panels if there is nothing to share."""
+    n_panels = len(panels.starts) - 1
+    if not worth_sharing(panels.starts[-1]):
+        return [(0, n_panels)]
+    has_parent = np.diff(panels.row_starts) > 0
+    parents = np.full(n_panels, -1)
+    parents[has_parent] = panel_of[panels.rows[panels.row_starts[:-1][has_parent]]]
+    return independent_ranges(parents, np.diff(panels.entry_starts), number_of_threads())
+
+
+def _part(panels: Panels, first: int, last: int, is_subtree: bool) -> Part:
+    """A range of panels, with their rows beyond it."""
+    bounds = panels.row_starts[first : last + 1]
+    rows = panels.rows[bounds[0] : bounds[-1]]
+    is_outer = rows >= panels.starts[last]
+    n_outer = np.diff(np.append(0, np.cumsum(is_outer))[bounds - bounds[0]])
+    return Part(first, last, is_subtree, first + np.flatnonzero(n_outer), rows[is_outer])
+
+
+def _factorise_parts(
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    data: NDArray[np.float64],
+    shift: float,
+    panels: Panels,
+    panel_of: NDArray[np.int64],
+    parts: list[Part],
+) -> None:
+    """Fill the panels, whose entries are zero: each subtree, and each panel of the top, as a task."""
+    tasks = [part for part in parts if part.is_subtree]
+    tasks.sort(key=lambda part: panels.entry_starts[part.first] - panels.entry_starts[part.last])
+    top = [j for part in parts if not part.is_subtree for j in range(part.first, part.last)]
+    tasks += [_part(panels, j, j + 1, False) for j in top]
+
+    task_of_panel = np.full(len(panels.starts) - 1, -1)
+    task_of_panel[top] = np.arange(len(tasks) - len(top), len(tasks))
+    needed: list[list[int]] = [[] for _ in tasks]
+    for source in sorted(range(len(tasks)), key=lambda task: tasks[task].first):
+        for task in np.unique(task_of_panel[panel_of[tasks[source].rows]]):
+            needed[task].append(source)
+
+    futures: list[Future[NDArray[np.float64]]] = []
+
+    def run(task: int) -> NDArray[np.float64]:
+        part = tasks[task]
+        for source in needed[task]:
+            lower = futures[source].result()
+            _update_from(panels, part.first, tasks[source].outer, panels.starts[tasks[source].last], lower)
+        return _factorise(indptr, indices, data, shift, panels, panel_of, part.first, part.last)
+
+    started(run, range(len(tasks)), into=futures)
+    results(futures)
 
 
 # --- symbolic factorisation
@@ -197,13 +282,22 @@ def _panel(panels: Panels, j: int) -> tuple[NDArray[np.float64], NDArray[np.int3
 
 
 @compiled
-def _largest_height(panels: Panels) -> int:
-    """The columns and the rows below the diagonal block of the panel that has most of both together."""
+def _largest_height(panels: Panels, first: int, last: int) -> int:
+    """The columns and the rows below the diagonal block of that of these panels that has most of both together."""
     largest = 0
-    for j in range(len(panels.starts) - 1):
+    for j in range(first, last):
         below = panels.row_starts[j + 1] - panels.row_starts[j]
         largest = max(largest, panels.starts[j + 1] - panels.starts[j] + below)
     return largest
+
+
+@inlined
+def _n_before(rows: NDArray[np.int32], end: int) -> int:
+    """How many of the ascending rows are before ``end``: nearly always all."""
+    n = len(rows)
+    while n > 0 and rows[n - 1] >= end:
+        n -= 1
+    return n
 
 
 @compiled
@@ -219,14 +313,26 @@ def _copy(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
 
 @compiled
 def _factorise(
-    indptr: NDArray[np.int32], indices: NDArray[np.int32], data: NDArray[np.float64], shift: float, panels: Panels
-) -> None:
-    """Fill the panels, whose entries are zero."""
-    panel_of = _panel_of_columns(panels.starts)
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    data: NDArray[np.float64],
+    shift: float,
+    panels: Panels,
+    panel_of: NDArray[np.int64],
+    first: int,
+    last: int,
+) -> NDArray[np.float64]:
+    """Fill the panels first … last; returns Fᵀ of their rows beyond the columns of these, one after the other."""
+    end = panels.starts[last]
     position = np.empty(panels.starts[-1], np.int64)
-    height = _largest_height(panels)
+    height = _largest_height(panels, first, last)
     buffer, work = np.empty((MAX_NARROW_WIDTH, height)), np.empty(height)
-    for j in range(len(panels.starts) - 1):
+    n_kept = 0
+    for j in range(first, last):
+        panel, below = _panel(panels, j)
+        n_kept += len(panel) * (len(below) - _n_before(below, end))
+    kept, at = np.empty(n_kept), 0
+    for j in range(first, last):
         panel, below = _panel(panels, j)
         _add_matrix_columns(indptr, indices, data, shift, panels.starts[j], panel, below, position)
         if len(panel) <= MAX_NARROW_WIDTH:
@@ -234,7 +340,34 @@ def _factorise(
             _eliminate_narrow(panel, lower)
         else:
             lower = _eliminate_wide(panel)
-        _update_panels(panels, panel_of, lower, below, position, work)
+        n_inner = _n_before(below, end)
+        _update_panels(panels, panel_of, lower, below, n_inner, position, work)
+        size = len(panel) * (len(below) - n_inner)
+        _copy(lower[:, n_inner:], kept[at : at + size].reshape(len(panel), len(below) - n_inner))
+        at += size
+    return kept
+
+
+@compiled
+def _update_from(panels: Panels, k: int, outer: NDArray[np.int64], end: int, kept: NDArray[np.float64]) -> None:
+    """Subtract F Fᵀ of the panels ``outer``, whose Fᵀ from the row ``end`` on are ``kept``, from panel k."""
+    target, target_below = _panel(panels, k)
+    start, stop = panels.starts[k], panels.starts[k + 1]
+    at = 0
+    for i in range(len(outer)):
+        panel, all_below = _panel(panels, outer[i])
+        below = all_below[_n_before(all_below, end) :]
+        lower = kept[at : at + len(panel) * len(below)].reshape(len(panel), len(below))
+        at += lower.size
+        first = _n_before(below, start)
+        if first == len(below) or below[first] >= stop:
+            continue
+        position = np.empty(len(below), np.int64)
+        last = _locate_rows(below, first, start, stop, target_below, position)
+        if len(lower) > MAX_NARROW_WIDTH:
+            _subtract_wide(lower, first, last, position, target)
+        else:
+            _subtract_narrow(lower, first, last, position, target, np.empty(len(below)))
 
 
 @inlined
@@ -321,12 +454,13 @@ def _update_panels(
     panel_of: NDArray[np.int64],
     lower: NDArray[np.float64],
     below: NDArray[np.int32],
+    n_inner: int,
     position: NDArray[np.int64],
     work: NDArray[np.float64],
 ) -> None:
-    """Subtract F Fᵀ from the panels that contain the columns ``below``; ``lower`` is Fᵀ."""
+    """Subtract F Fᵀ from the panels that contain the first ``n_inner`` of the columns ``below``; ``lower`` is Fᵀ."""
     first: int = np.int64(0)  # type: ignore[assignment]  # a literal 0 would have all below compiled for it too
-    while first < len(below):
+    while first < n_inner:
         k = panel_of[below[first]]
         target, target_below = _panel(panels, k)
         last = _locate_rows(below, first, panels.starts[k], panels.starts[k + 1], target_below, position)
@@ -402,12 +536,19 @@ def _subtract_narrow(
 
 
 @compiled
-def _substitute_forward(x: NDArray[np.float64], panels: Panels) -> None:
-    """L⁻¹ on each row of x, in place."""
-    work = np.empty((2, _largest_height(panels)))
-    for j in range(len(panels.starts) - 1):
+def _substitute_forward(
+    x: NDArray[np.float64], panels: Panels, first: int, last: int, kept: NDArray[np.float64]
+) -> None:
+    """The steps first … last of L⁻¹ on each row of x, in place.
+
+    What is to be subtracted beyond the columns of these panels is put into ``kept``, one value after the other.
+    """
+    end = panels.starts[last]
+    work = np.empty((2, _largest_height(panels, first, last)))
+    n_kept = 0
+    for j in range(first, last):
         panel, below = _panel(panels, j)
-        start, width = panels.starts[j], len(panel)
+        start, width, n_inner = panels.starts[j], len(panel), _n_before(below, end)
         one, two = work[0, : panel.shape[1]], work[1, : panel.shape[1]]
         one_below, two_below = one[width:], two[width:]
         for side in range(0, len(x), 2):
@@ -416,19 +557,34 @@ def _substitute_forward(x: NDArray[np.float64], panels: Panels) -> None:
             for i in range(width):
                 x_one[start + i] = one[i]
                 x_two[start + i] = two[i]
-            for i in range(len(below)):
+            for i in range(n_inner):
                 x_one[below[i]] -= one_below[i]
                 x_two[below[i]] -= two_below[i]
+            for i in range(len(below) - n_inner):
+                kept[side, n_kept + i] = one_below[n_inner + i]
+                kept[side + 1, n_kept + i] = two_below[n_inner + i]
+        n_kept += len(below) - n_inner
 
 
 @compiled
-def _substitute_backward(x: NDArray[np.float64], panels: Panels) -> float:
-    """L⁻ᵀ on each row of x, in place; the result is only there to keep the reading ahead from being optimised away."""
-    work = np.empty((2, _largest_height(panels)))
-    read_from, total = panels.entry_starts[-1], 0.0
-    for j in range(len(panels.starts) - 2, -1, -1):
+def _subtract_kept(x: NDArray[np.float64], rows: NDArray[np.int32], kept: NDArray[np.float64]) -> None:
+    """Subtract what a forward substitution has kept for these rows."""
+    for side in range(len(x)):
+        for i in range(len(rows)):
+            x[side, rows[i]] -= kept[side, i]
+
+
+@compiled
+def _substitute_backward(x: NDArray[np.float64], panels: Panels, first: int, last: int) -> float:
+    """The steps last … first of L⁻ᵀ on each row of x, in place.
+
+    The result is only there to keep the reading ahead from being optimised away.
+    """
+    work = np.empty((2, _largest_height(panels, first, last)))
+    read_from, total = panels.entry_starts[last], 0.0
+    for j in range(last - 1, first - 1, -1):
         if panels.entry_starts[j] < read_from:
-            begin = max(0, min(panels.entry_starts[j], read_from - READ_AHEAD_ENTRIES))
+            begin = max(panels.entry_starts[first], min(panels.entry_starts[j], read_from - READ_AHEAD_ENTRIES))
             total += _sum(panels.entries[begin:read_from])
             read_from = begin
         panel, below = _panel(panels, j)

@@ -21,12 +21,14 @@ A. George, "Nested dissection of a regular finite element mesh", 1973, doi:10.11
 A. George and J. W. H. Liu, 1978, doi:10.1137/0715069 (levels of a pseudo-peripheral vertex).
 """
 
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.numerics.compilation import compiled
+from heatwalk.numerics.threads import number_of_threads, spread, worth_sharing
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -36,6 +38,9 @@ LEAF_SIZE = 16
 
 # Either side of a separator has at least this share of the subset.
 MIN_SHARE = 0.15
+
+# Subsets with more than one in so many of the vertices of each thread are cut once at a time, then shared out again.
+SHARES_PER_THREAD = 8
 
 # Vertices with more than this times √n neighbours are eliminated last: if the hub of a fan were eliminated before its
 # rim, it would couple every vertex of the rim with every other. (The rule of AMD, the usual minimum-degree ordering.)
@@ -68,28 +73,73 @@ def nested_dissection(matrix: "sp.csr_array") -> tuple[NDArray[np.int64], NDArra
     is_hub = np.diff(matrix.indptr) > HUB_DEGREE * np.sqrt(n)
     # A single index type, so that the loops are compiled once.
     indptr, indices = matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)
-    order, begins_piece = _dissect(indptr, indices, np.flatnonzero(~is_hub))
+    order, begins_piece = _dissected(indptr, indices, np.flatnonzero(~is_hub))
     starts = np.flatnonzero(np.concatenate([begins_piece, np.ones(is_hub.sum() + 1, dtype=bool)]))
     return np.concatenate([order, np.flatnonzero(is_hub)]), starts
 
 
-@compiled
-def _dissect(
+def _dissected(
     indptr: NDArray[np.int32], indices: NDArray[np.int32], vertices: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Order of the vertices, and whether a piece begins at each position of it; overwrites ``vertices``."""
     n = len(vertices)
-    order = np.empty(n, np.int64)
-    begins_piece = np.zeros(n, np.bool_)
-    queue = np.empty(n, np.int64)
-    level_ends = np.empty(n, np.int64)
-    subset_of = np.full(len(indptr) - 1, -1)  # the subset that each vertex is in
-    seen_by = np.full(len(indptr) - 1, -1)  # the last search that met each vertex
+    order, begins_piece = np.empty(n, np.int64), np.zeros(n, np.bool_)
+    work = np.empty(n, np.int64), np.empty(n, np.int64)
+    marks = np.full(len(indptr) - 1, -1), np.full(len(indptr) - 1, -1)
+    largest_whole = n // (SHARES_PER_THREAD * number_of_threads()) if worth_sharing(n) else n
+    names = count(step=2 * n + 2)  # more than a call needs for its subsets and searches
+
+    def dissect(start: int, stop: int, position: int) -> list[tuple[int, int, int]]:
+        max_cuts = 1 if stop - start > largest_whole else n + 1  # + 1: nothing is left where all are hubs, either
+        rest = _dissect(
+            indptr, indices, vertices, start, stop, position, max_cuts, next(names), order, begins_piece, *work, *marks
+        )
+        return [(a, b, c) for a, b, c in rest.tolist()]
+
+    spread(dissect, 0, n, n)
+    return order, begins_piece
+
+
+@compiled
+def _dissect(
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    vertices: NDArray[np.int64],
+    start: int,
+    stop: int,
+    position: int,
+    max_cuts: int,
+    name: int,
+    order: NDArray[np.int64],
+    begins_piece: NDArray[np.bool_],
+    queue: NDArray[np.int64],
+    level_ends: NDArray[np.int64],
+    subset_of: NDArray[np.int64],
+    seen_by: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Dissect the subset vertices[start:stop], whose place in the order ends at ``position``.
+
+    Other calls may work on other subsets at the same time.
+
+    max_cuts : int
+        return after so many cuts
+    name : int
+        the first of the numbers that no other call uses for its subsets and searches
+    order, begins_piece : (n,) arrays
+        results, filled at the place of the subset
+    queue, level_ends : (n,) int arrays
+        overwritten between ``start`` and ``stop``
+    subset_of, seen_by : (n + hubs,) int arrays
+        the subset that each vertex is in, and the last search that met it
+
+    Returns the subsets that are left, a row each: start, stop and position.
+    """
     # Literals would have what is called compiled for them too.
     n_levels: int = np.int64(0)  # type: ignore[assignment]
-    n_subsets, n_searches = n_levels, n_levels
-    todo = [(0, n, n)]  # subsets as ranges of ``vertices``, each with the position in the order where it ends
-    while len(todo) > 0:
+    n_subsets, n_searches = name, name
+    todo = [(start, stop, position)]  # subsets as ranges of ``vertices``, each with the end of its place in the order
+    n_cuts_left = max_cuts
+    while len(todo) > 0 and n_cuts_left > 0:
         start, stop, position = todo.pop()
         size = stop - start
         if size <= LEAF_SIZE:
@@ -100,20 +150,10 @@ def _dissect(
         for i in range(start, stop):
             subset_of[vertices[i]] = n_subsets
         root = vertices[start]
+        ends = level_ends[start:stop]
         for _ in range(2):  # the last vertex that the first search meets is at an end of the subset
             n_levels = _breadth_first_levels(
-                indptr,
-                indices,
-                vertices,
-                start,
-                stop,
-                root,
-                n_subsets,
-                n_searches,
-                subset_of,
-                seen_by,
-                queue,
-                level_ends,
+                indptr, indices, vertices, start, stop, root, n_subsets, n_searches, subset_of, seen_by, queue, ends
             )
             n_searches += 1
             root = queue[stop - 1]
@@ -123,18 +163,22 @@ def _dissect(
             begins_piece[position - size : position] = True
             continue
 
-        level = _choose_separator(level_ends, n_levels, start, size)
-        first = level_ends[level - 1] if level > 0 else start
-        after = level_ends[level]
+        level = _choose_separator(ends, n_levels, start, size)
+        first = ends[level - 1] if level > 0 else start
+        after = ends[level]
         _copy(queue, start, stop, vertices, start)
         kept_end, n_cut = _place_separator(
-            indptr, indices, first, after, level_ends[level + 1], position, n_subsets, subset_of, queue, vertices, order
+            indptr, indices, first, after, ends[level + 1], position, n_subsets, subset_of, queue, vertices, order
         )
         n_subsets += 1
         begins_piece[position - n_cut : position - n_cut + min(n_cut, 1)] = True
         todo.append((start, kept_end, position - n_cut - (stop - after)))
         todo.append((after, stop, position - n_cut))
-    return order, begins_piece
+        n_cuts_left -= 1
+    left = np.empty((len(todo), 3), np.int64)
+    for i in range(len(todo)):
+        left[i, 0], left[i, 1], left[i, 2] = todo[i]
+    return left
 
 
 @compiled

@@ -12,7 +12,7 @@ with the diameter. This bounds the head, the first columns, which carry almost a
 columns, the tail, are bounded by the product of the two lengths. A node is skipped if this bound, or |q| max|B_y|, is
 below the best product found so far. As h(x, y) ≥ h(x, x) requires |B_y| ≥ |B_x|, the latter skips all rows downhill.
 
-    build the tree, from the root down                                                `_build_tree`
+    build the tree, from the root down                                                `_build`, `_build_tree`
         frame of each node: centre, axes, extents along and across them               `_set_frame`
         split its rows at the median along the first axis                             `_select`
     longest tail, longest row and smallest row index of each node, leaves first       `_measure_nodes`
@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heatwalk.numerics.compilation import compiled, inlined
+from heatwalk.numerics.threads import PIECES_PER_THREAD, number_of_threads, pieces, shared, spread, worth_sharing
 
 # Rows per leaf. With 16, and so twice as many nodes, building and searching together take a third longer.
 LEAF_SIZE = 32
@@ -103,11 +104,13 @@ def largest_inner_products(rows: NDArray[np.float64], tie: float) -> tuple[NDArr
     (array([1, 1, 2]), array([2., 4., 1.]))
     """
     tree = _empty_tree(rows)
-    _build_tree(tree)
+    _build(tree)
     _measure_nodes(tree)
     argmax, maximum = np.empty(len(rows), dtype=np.int64), np.empty(len(rows))
-    n_products = _search(tree, tie, argmax, maximum)
-    return argmax, maximum, n_products
+    n_products = shared(
+        lambda bounds: _search(tree, tie, argmax, maximum, *bounds), pieces(len(rows), multiple=LEAF_SIZE)
+    )
+    return argmax, maximum, sum(n_products)
 
 
 def _empty_tree(rows: NDArray[np.float64]) -> Tree:
@@ -154,13 +157,31 @@ def _remove_component(vector: NDArray[np.float64], direction: NDArray[np.float64
 # --- building the tree
 
 
-@compiled
-def _build_tree(tree: Tree) -> None:
+def _build(tree: Tree) -> None:
     """Put the rows into tree order; set the leaves and frames of the nodes, and their extents up to max|d_N|."""
+    n, n_nodes = len(tree.rows), len(tree.leaves)
+    key = np.empty(n)
+    tree.leaves[0] = 0, (n_nodes + 1) // 2
+    largest_whole = n_nodes // (PIECES_PER_THREAD * number_of_threads()) if worth_sharing(n) else n_nodes
+
+    def build(node: int) -> list[tuple[int]]:
+        first, last = tree.leaves[node].tolist()
+        n_below = 2 * (last - first) - 1
+        if n_below <= largest_whole or n_below == 1:
+            _build_tree(tree, key, node, node + n_below)
+            return []
+        _build_tree(tree, key, node, node + 1)
+        return [(node + 1,), (node + 2 * ((first + last) // 2 - first),)]
+
+    spread(build, 0)
+
+
+@compiled
+def _build_tree(tree: Tree, key: NDArray[np.float64], begin: int, end: int) -> None:
+    """Do the part of `_build` for the nodes begin … end, whose own leaves the parent of the first has set."""
     n = len(tree.rows)
-    key, sample = np.empty(n), np.empty((SAMPLE_SIZE, tree.frame.shape[2]))
-    tree.leaves[0, 0], tree.leaves[0, 1] = 0, (n + LEAF_SIZE - 1) // LEAF_SIZE
-    for node in range(len(tree.leaves)):
+    sample = np.empty((SAMPLE_SIZE, tree.frame.shape[2]))
+    for node in range(begin, end):
         first, last = tree.leaves[node, 0], tree.leaves[node, 1]
         start, stop = first * LEAF_SIZE, min(last * LEAF_SIZE, n)
         _set_frame(tree.rows, start, stop, tree.frame[node], tree.extent[node], key, sample)
@@ -342,16 +363,17 @@ class Best(NamedTuple):
 
 
 @compiled
-def _search(tree: Tree, tie: float, argmax: NDArray[np.int64], maximum: NDArray[np.float64]) -> int:
-    """Set the results of all rows; returns the number of inner products."""
+def _search(
+    tree: Tree, tie: float, argmax: NDArray[np.int64], maximum: NDArray[np.float64], start: int, stop: int
+) -> int:
+    """Set the results of the rows start … stop, in tree order; returns the number of inner products."""
     rows, order, leaves, frame, extent, smallest = tree  # in the loops below, attributes of a tuple cost time
     width = frame.shape[2]
     query = np.empty(rows.shape[1])
     products = np.empty(LEAF_SIZE)
     n_products = 0
-    # The leaf of the answer to the previous query. Not a literal 0, for which the search would be compiled too.
-    first_leaf: int = np.int64(0)  # type: ignore[assignment]
-    for x in range(len(rows)):
+    first_leaf = start // LEAF_SIZE  # the leaf of the answer to the previous query
+    for x in range(start, stop):
         for j in range(len(query)):
             query[j] = rows[x, j]
         head_square, tail_square = _dot(query[:width], query[:width]), _dot(query[width:], query[width:])

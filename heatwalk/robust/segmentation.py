@@ -14,7 +14,8 @@ from heatwalk.confidence import dissipator_margin, walk_margin
 from heatwalk.dissipators import relative_entropy_excess
 from heatwalk.kernel import largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
-from heatwalk.meshes import check_mesh, mesh_edges, repeats_earlier_face
+from heatwalk.meshes import check_mesh, mesh_edges, without_repeated_faces
+from heatwalk.numerics.threads import one_blas_thread, sharing_everything, with_threads, working_threads
 from heatwalk.robust import scale
 from heatwalk.robust.averaging import averaged_kernel
 from heatwalk.robust.cuts import CutGraph
@@ -86,6 +87,7 @@ class RobustSegmentation(Segmentation):
         return self.labels >= len(self.exemplars)
 
     @cached_property
+    @one_blas_thread()
     def margin(self) -> NDArray[np.float64]:
         """How far the label of each vertex is from another one: (n,) float array in [0, 1], 0 if another ties with it.
 
@@ -114,12 +116,13 @@ def segment_robust(
     density: str = "area",
     split_dissipators: bool = False,
     options: Options = Options(),  # noqa: B008 (frozen)
+    threads: int | None = None,
 ) -> RobustSegmentation:
     """Segment a triangle mesh with the robust variant of the Heat Walk.
 
     Parameters
     ----------
-    vertices, faces, time_unit, split_dissipators
+    vertices, faces, time_unit, split_dissipators, threads
         as in `heatwalk.segment`
     density : {"vertices", "area"}
         "area": the divergences of the dissipator test and the mean density of a region are integrals over the surface;
@@ -174,6 +177,7 @@ def segment_robust(
             density=density,
             split_dissipators=split_dissipators,
             options=options,
+            threads=threads,
         )
     )
 
@@ -187,12 +191,13 @@ def segment_robust_at_times(
     density: str = "area",
     split_dissipators: bool = False,
     options: Options = Options(),  # noqa: B008 (frozen)
+    threads: int | None = None,
 ) -> Iterator[RobustSegmentation]:
     """Segment a triangle mesh with the robust variant at several times, from a single spectrum.
 
     Parameters
     ----------
-    vertices, faces, time_unit, density, split_dissipators, options
+    vertices, faces, time_unit, density, split_dissipators, options, threads
         as in `segment_robust`
     times : sequence of floats, in any order
 
@@ -216,31 +221,34 @@ def segment_robust_at_times(
     [3, 3, 3]
     """
     times = check_times(times, time_unit, density)
-    stopwatch = Stopwatch()
-    vertices, faces = check_mesh(vertices, faces)
-    surface = faces[~repeats_earlier_face(faces)]
-    seconds = {"operator": stopwatch.lap()}
+    with working_threads(threads):
+        stopwatch = Stopwatch()
+        vertices, faces = check_mesh(vertices, faces)
+        surface = without_repeated_faces(faces)
+        seconds = {"operator": stopwatch.lap()}
 
-    metric = repaired(vertices, surface, options.repair)
-    seconds["repair"] = stopwatch.lap()
+        metric = repaired(vertices, surface, options.repair)
+        seconds["repair"] = stopwatch.lap()
 
-    stiffness, mass = stiffness_and_mass(unit_area(metric.vertices, metric.faces), metric.faces)
-    component = vertex_components(len(metric.vertices), metric.faces)
-    edges = mesh_edges(metric.faces)[0]
-    seconds["operator"] += stopwatch.lap()
+        stiffness, mass = stiffness_and_mass(unit_area(metric.vertices, metric.faces), metric.faces)
+        component = vertex_components(len(metric.vertices), metric.faces)
+        edges = mesh_edges(metric.faces)[0]
+        seconds["operator"] += stopwatch.lap()
 
-    solver = SpectrumSolver(stiffness, mass, component, MAX_RESIDUAL)
-    del stiffness
-    standard_times = in_standard_units(times, time_unit, solver)
-    spectrum = solver.up_to(max(_largest_eigenvalues(min(standard_times), options)))
-    seconds["spectrum"] = stopwatch.lap()
-    chosen = [stable_time(spectrum, edges, time, options) if options.choose_time else time for time in standard_times]
-    seconds["time"] = stopwatch.lap()
-    if (limit := largest_eigenvalue(options.averaged(min(chosen))[0], _min_decay(options))) > spectrum.limit:
-        spectrum = solver.up_to(limit)
-    del solver  # the factor is larger than everything that follows
-    seconds["spectrum"] += stopwatch.lap()
-    seconds["compilation"] = stopwatch.compilation
+        solver = SpectrumSolver(stiffness, mass, component, MAX_RESIDUAL)
+        del stiffness
+        standard_times = in_standard_units(times, time_unit, solver)
+        spectrum = solver.up_to(max(_largest_eigenvalues(min(standard_times), options)))
+        seconds["spectrum"] = stopwatch.lap()
+        chosen = standard_times
+        if options.choose_time:
+            chosen = [stable_time(spectrum, edges, time, options) for time in standard_times]
+        seconds["time"] = stopwatch.lap()
+        if (limit := largest_eigenvalue(options.averaged(min(chosen))[0], _min_decay(options))) > spectrum.limit:
+            spectrum = solver.up_to(limit)
+        del solver  # the factor is larger than everything that follows
+        seconds["spectrum"] += stopwatch.lap()
+        seconds["compilation"] = stopwatch.compilation
     shared = _Shared(
         len(vertices),
         faces,
@@ -253,7 +261,10 @@ def segment_robust_at_times(
         options,
         seconds,
     )
-    return (_segment_at_time(shared, time, requested) for time, requested in zip(chosen, standard_times, strict=True))
+    return (
+        with_threads(threads, _segment_at_time, shared, time, requested)
+        for time, requested in zip(chosen, standard_times, strict=True)
+    )
 
 
 def compile_ahead() -> None:
@@ -266,7 +277,8 @@ def compile_ahead() -> None:
     vertices, faces = bent_torus()
     vertices[100] *= 1.5  # a spike, and two holes: one triangle, and all around a vertex but one
     missing = np.flatnonzero((faces == 250).any(axis=1))[1:]
-    segment_robust(vertices, np.delete(faces, [0, *missing], axis=0))
+    with sharing_everything():
+        segment_robust(vertices, np.delete(faces, [0, *missing], axis=0), threads=2)
 
 
 class _Shared(NamedTuple):

@@ -345,7 +345,7 @@ def _results(
     columns = row_columns(study.experiment)
     if _is_large(int(np.count_nonzero(store.status.of(trials.ids) >= 0)), study):
         path = place.part / storage.TABLE_FILE
-        batches = store.batches(made.trial_ids, columns)
+        batches = store.batches(trials.ids, columns)
         storage.write_in_order(path, ((_with_methods(rows, trials), positions) for rows, positions in batches))
         rows = storage.read_table(path, columns, without=NOT_IN_MEMORY)
     else:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from studies.columns import Column, Table
+from studies.experiments.change import Viewer, checked_viewer
 from studies.experiments.experiment import (
     FAILURES,
     MODELS,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from heatwalk import LoadedMesh
     from studies.datasets import Dataset
     from studies.experiments.experiment import Labels
+    from studies.figures.method_scenes import AnatomyScenes
     from studies.figures.pictures import Picture
 
 # The steps of the walk after which the share of settled points is kept.
@@ -83,9 +85,14 @@ class Anatomy(Experiment):
         those in the study are shown; or "each_category" for the first model of each category. If the study has none of
         them, "showcase" shows the first of each category, "class" models of the largest category, and the others the
         study's first model
+    page : mapping, optional
+        ``models`` is 0 for a page without a viewer, see `studies.experiments.change.Viewer`
     """
 
     plates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    page: Mapping[str, Any] | Viewer | None = field(default_factory=Viewer)
+
+    has_scenes: ClassVar[bool] = True
 
     columns: ClassVar[tuple[Column, ...]] = (
         Column(name="n_steps", dtype="Int64", help="Steps until every point has settled."),
@@ -161,6 +168,18 @@ class Anatomy(Experiment):
         """The plates."""
         from studies.figures.method_figures import AnatomyPlate
 
+        for stem, shows, shown in self._shown(trials, rows):
+            yield AnatomyPlate(stem, shows, shown, title)
+
+    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> AnatomyScenes | None:
+        """What the plates show."""
+        from studies.figures.method_scenes import AnatomyScenes
+
+        shown = list(self._shown(trials, rows)) if checked_viewer(self.page).models != 0 else []
+        return AnatomyScenes(shown) if shown else None
+
+    def _shown(self, trials: Sequence[Trial], rows: pd.DataFrame) -> Iterator[tuple[str, str, list[Trial]]]:
+        """The plates: name, what each shows, and the trials of the models that are shown."""
         good = set(rows.loc[rows["status"] == "ok", "trial_id"])
         by_name = {trial.model.name: trial for trial in reversed(trials) if trial.trial_id in good}
         by_name = dict(reversed(by_name.items()))
@@ -171,7 +190,7 @@ class Anatomy(Experiment):
             # Of a few models of one category, a showcase and its class would be the same picture.
             if names and (chosen or plate["shows"] != "class" or tuple(names) not in drawn):
                 drawn.add(tuple(names))
-                yield AnatomyPlate(stem, plate["shows"], [by_name[name] for name in names], title)
+                yield stem, plate["shows"], [by_name[name] for name in names]
 
 
 def _quantities(rows: pd.DataFrame) -> list[dict[str, Any]]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from studies.datasets import Dataset
     from studies.figures.charts import Chart
     from studies.figures.pictures import Picture
-    from studies.figures.variant_scenes import VariantScenes
+    from studies.figures.scenes import ScenesToMake
     from studies.metrics.metric import TriangleMesh
     from studies.segmenters import Segmenter
     from studies.segmenters.segmenter import Labelled
@@ -180,7 +180,7 @@ class Experiment(ABC):
         """
         return ()
 
-    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> VariantScenes | None:
+    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> ScenesToMake | None:
         """What the viewer of the study's page shows; None for a page without one.
 
         Parameters

@@ -14,6 +14,7 @@ from studies import metrics
 from studies.columns import Column, Table
 from studies.datasets import Model
 from studies.execution.interruption import is_ctrl_c, reason
+from studies.experiments.change import Viewer, checked_viewer
 from studies.experiments.experiment import (
     FAILURES,
     SEGMENTER,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from studies.datasets import Dataset
     from studies.experiments.experiment import Labels
     from studies.figures.charts import Chart
+    from studies.figures.method_scenes import PoseScenes
     from studies.figures.pictures import Picture
 
 ALL_SHAPES = "all"
@@ -150,10 +152,16 @@ class Poses(Experiment):
         the vertical axis: 1 (y) or 2 (z)
     columns_shown : int
         how many poses a picture shows if none of its models is in the study
+    page : mapping, optional
+        ``columns``: how many poses of a shape the viewer shows, the first and those that differ most from it;
+        ``models`` is 0 for a page without a viewer. See `studies.experiments.change.Viewer`
     """
 
     plates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     columns_shown: int = 6
+    page: Mapping[str, Any] | Viewer | None = field(default_factory=Viewer)
+
+    has_scenes: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_plates(self.plates)
@@ -284,6 +292,28 @@ class Poses(Experiment):
             names = _of_each_shape(poses, self.columns_shown) if few else named
             if names:
                 yield PosePlate(stem, [(poses[name], name) for name in names], plate.get("upright", 1), title)
+
+    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> PoseScenes | None:
+        """The first pose of each shape, and those that differ most from it, by every method."""
+        from studies.figures.method_scenes import PoseScenes
+
+        viewer = checked_viewer(self.page)
+        good = rows[rows["status"] == "ok"].set_index("trial_id")
+        by_shape: dict[str, dict[str, list[Any]]] = {}
+        for trial in trials:
+            if trial.trial_id in good.index:
+                by_shape.setdefault(trial.part, {}).setdefault(str(trial.segmenter_name), []).append(trial)
+        if viewer.models == 0 or not by_shape:
+            return None
+        changes = good["change_percentage"].astype(float)
+        shown = []
+        for shape, methods in by_shape.items():
+            first = next(iter(methods.values()))
+            from_first = [trial for trial in first if trial.model.name == first[0].model.name]
+            farthest = sorted(from_first, key=lambda trial: -changes[trial.trial_id])[: viewer.columns - 1]
+            names = [first[0].model.name, *(trial.other.name for trial in from_first if trial in farthest)]
+            shown.append((shape, [(of_method[0], names) for of_method in methods.values()]))
+        return PoseScenes(shown, next((plate.get("upright", 1) for plate in self.plates.values()), 1))
 
 
 def _of_each_shape(poses: Mapping[str, Trial], count: int) -> list[str]:

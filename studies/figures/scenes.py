@@ -7,8 +7,9 @@ value of a function) is carried over as it is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -37,6 +38,45 @@ class Field:
     high: float = 1.0
     unit: str = ""
     diverging: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Heat:
+    """Heat from a vertex, which the viewer computes from eigenpairs for whatever vertex is picked.
+
+    Parameters
+    ----------
+    eigenvalues : (c, k) float array
+        of each connected component, inf where there is none
+    eigenvectors : (n, k) float array
+        at each vertex of the surface
+    component : (n,) int array
+        connected component of each vertex
+    time : float
+        standard time for which heat has flowed
+    point : int
+        vertex that is picked first
+    """
+
+    eigenvalues: np.ndarray
+    eigenvectors: np.ndarray
+    component: np.ndarray
+    time: float
+    point: int
+
+    def values(self, point: int | None = None) -> np.ndarray:
+        """The heat at every vertex, (n,) float array, from a vertex, by default that which is picked first.
+
+        Examples
+        --------
+        >>> heat = Heat(np.array([[0.0, 2.0]]), np.array([[1.0, 1.0], [1.0, -1.0]]), np.zeros(2, int), 0.5, 0)
+        >>> heat.values().round(3)
+        array([1.368, 0.632])
+        """
+        at = self.point if point is None else point
+        of_component = self.component == self.component[at]
+        weights = np.exp(-self.eigenvalues[self.component[at]] * self.time) * self.eigenvectors[at]
+        return np.where(of_component, self.eigenvectors @ weights, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +113,14 @@ class Viewport:
         vertices that are highlighted
     fields : mapping of str to Field
         functions that can be shown instead of the segments, by name
+    shows : str
+        the function that is shown whatever is chosen
+    heat : Heat, optional
+        shown instead of the segments; a click moves its source
+    faded : (n,) bool array, optional
+        vertices whose colours are pale
+    axes : (3, 3) float array, optional
+        from which this surface is seen first, if not as the scene; dragging turns it as much as the others
     """
 
     surface: Surface
@@ -82,6 +130,10 @@ class Viewport:
     labels: np.ndarray | None = None
     changed: np.ndarray | None = None
     fields: Mapping[str, Field] = field(default_factory=dict)
+    shows: str = ""
+    heat: Heat | None = None
+    faded: np.ndarray | None = None
+    axes: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +155,8 @@ class Scene:
         rows are the directions right, up and towards the camera, from which it is seen first
     key : str
         identifies it, such as the ids of trials
+    slider : str
+        what the value of the slider is, if that differs from scene to scene
     """
 
     at: Mapping[str, str | int | float]
@@ -111,6 +165,34 @@ class Scene:
     value: float | None = None
     axes: np.ndarray | None = None
     key: str = ""
+    slider: str = ""
+
+
+class ScenesToMake(Protocol):
+    """The scenes of a viewer before they are made: what worker processes compute, task by task.
+
+    Attributes
+    ----------
+    slider : str
+        the name, among those that are picked, that has a slider
+    content : str
+        what they are made from, by which a page tells whether it has to make them again
+    function : callable
+        a task -> its scenes
+    """
+
+    slider: ClassVar[str]
+
+    @property
+    def content(self) -> str:
+        """What they are made from."""
+
+    @property
+    def function(self) -> Callable[[Any], list[Scene]]:
+        """Makes the scenes of a task."""
+
+    def tasks(self) -> Sequence[Any]:
+        """What worker processes are given."""
 
 
 @dataclass(frozen=True, eq=False)

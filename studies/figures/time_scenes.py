@@ -17,6 +17,10 @@ from studies.metrics import change_percentage, match_labels
 TIMES = 20
 BEFORE = 10  # how many of them are shorter than the time that was asked for
 PER_OCTAVE = 5
+# Of a mesh with more vertices than these, fewer times are shown, so that its page takes little longer than segmenting
+# it: the shorter the shortest time, the more eigenpairs are needed, and each time is another walk.
+MANY_VERTICES, FEW_STEPS = 100_000, (-2, 0, 2)
+VERY_MANY_VERTICES = 400_000  # of these, one time only, without margins
 
 MOST_FACES = 30000  # of a surface: a page with four of them has less than 15 MB
 MOST_DIVERGENCES = 5000  # vertices of a mesh up to which the two divergences are shown: they take O(n²) time
@@ -88,15 +92,22 @@ class Side:
     compared: bool = False
 
 
-def times_around(time: float) -> list[float]:
+def times_around(time: float, n_vertices: int = 0) -> list[float]:
     """Twenty times, ascending, from a quarter of a time to 3.5 times it; the time itself is the eleventh.
+
+    Of meshes with more than `MANY_VERTICES` vertices three, and with more than `VERY_MANY_VERTICES` the time itself.
 
     Examples
     --------
     >>> times_around(1.0)[:3], times_around(1.0)[10:12]
     ([0.25, 0.287, 0.33], [1.0, 1.15])
+    >>> times_around(1.0, 200_000)
+    [0.758, 1.0, 1.32]
     """
-    steps = [(i - BEFORE) / PER_OCTAVE for i in range(TIMES)]
+    numbers: Sequence[int] = [i - BEFORE for i in range(TIMES)]
+    if n_vertices > MANY_VERTICES:
+        numbers = [0] if n_vertices > VERY_MANY_VERTICES else FEW_STEPS
+    steps = [number / PER_OCTAVE for number in numbers]
     return [float(f"{time * 2**step:.3g}") if step else float(time) for step in steps]
 
 
@@ -153,9 +164,10 @@ def _at_time(segmentation: Segmentation, shown: np.ndarray) -> AtTime:
     rows = segmentation.kernel.factor[shown]
     fields = {
         HKS: np.einsum("ij,ij->i", rows, rows),
-        MARGIN: segmentation.margin[shown],
         TEST: excess,
     }
+    if len(segmentation.labels) <= VERY_MANY_VERTICES:
+        fields[MARGIN] = segmentation.margin[shown]
     if len(segmentation.labels) <= MOST_DIVERGENCES:
         fields[FROM_UNIFORM] = segmentation.divergence_from_uniform[shown]
         fields[FROM_REGION] = fields[FROM_UNIFORM] + excess

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MOST_SECONDS = 10.0  # that trials took whose segmentation is not stored, to be computed again for a scene
+
+MOST_SECONDS_OF_ALL = 120.0  # of a leaderboard
 
 VERSION = 2  # raise it when a change alters scenes: they are then made again
 
@@ -71,6 +73,7 @@ class VariantScenes:
     """
 
     draws: Sequence[Draw]
+    slider: ClassVar[str] = "level"
 
     @property
     def content(self) -> str:
@@ -138,6 +141,56 @@ def choose_draws(
     ]
 
 
+def worst_draws(
+    planned: Sequence[Any], rows: pd.DataFrame, worst: int, reference: str, titles: Mapping[str, str]
+) -> list[Draw]:
+    """The variants that each method changed most, each of another perturbation, with the reference beside the method.
+
+    Labels are computed again, so that variants that took more than `MOST_SECONDS` are left out, and all together take
+    no more than `MOST_SECONDS_OF_ALL`, the first cases of all methods before the second ones.
+
+    Parameters
+    ----------
+    planned : sequence of Trial
+        trials of a leaderboard
+    rows : DataFrame
+        its rows
+    worst : int
+        how many variants of each method
+    reference : str
+        name of the method that is shown beside the others
+    titles : mapping of str to str
+        of the perturbations, by name
+    """
+    good = rows[(rows["status"] == "ok") & (rows["change_percentage"] > 0)].set_index("trial_id")
+    changes, seconds = good["change_percentage"].astype(float), good[["seconds_perturb", "seconds_segment"]].sum(axis=1)
+    of_reference = {trial.draw: trial for trial in planned if trial.segmenter_name == reference}
+    by_method: dict[str, list[Any]] = {}
+    for trial in planned:
+        if trial.trial_id in changes.index and seconds[trial.trial_id] <= MOST_SECONDS:
+            by_method.setdefault(trial.segmenter_name, []).append(trial)
+    cases: list[tuple[int, Any]] = []
+    for trials in by_method.values():
+        parts: dict[str, Any] = {}
+        for trial in sorted(trials, key=lambda trial: -changes[trial.trial_id]):
+            parts.setdefault(trial.part, trial)
+        cases += list(enumerate(parts.values()))[:worst]
+    draws, spent = [], 0.0
+    for _, trial in sorted(cases, key=lambda case: case[0]):
+        beside = of_reference.get(trial.draw)
+        both = [trial] if beside is None or beside is trial or beside.trial_id not in changes.index else [trial, beside]
+        spent += 2 * sum(seconds[each.trial_id] for each in both)  # the original, too
+        if spent > MOST_SECONDS_OF_ALL:
+            break
+        draws.append(_draw(both, [changes[each.trial_id] for each in both], True, lambda _: None))
+    return [
+        replace(
+            draw, at={"method": draw.trials[0].segmenter_name, **draw.at, "perturbation": titles[draw.trials[0].part]}
+        )
+        for draw in draws
+    ]
+
+
 def _draw_of(trial: Any) -> tuple[Any, ...]:
     return trial.model.name, trial.part, trial.level, trial.repeat
 
@@ -178,8 +231,8 @@ def scenes_of_model(draws: Sequence[Draw]) -> list[Scene]:
         if trial.segmenter_name not in references:
             references[trial.segmenter_name] = trial.reference(None if arrays is None else arrays["reference_labels"])
     margins = {
-        trial.segmenter_name: trial.segmenter.labelled(*_arrays(references[trial.segmenter_name].mesh)).margin()
-        for trial in draws[0].trials
+        name: trial.segmenter.labelled(*_arrays(references[name].mesh)).margin()
+        for name, trial in {trial.segmenter_name: trial for draw in draws for trial in draw.trials}.items()
         if trial.segmenter.tells_margin
     }
     mesh = next(iter(references.values())).mesh

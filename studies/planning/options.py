@@ -120,11 +120,13 @@ def _given(cfg: DictConfig, overrides: Sequence[str], others: set[str]) -> list[
 
 
 def _references(cfg: DictConfig) -> set[str]:
-    """The options that the experiment's refer to, and those that these refer to."""
+    """The options that the experiment's refer to, and those that these refer to, but for mere defaults of the page."""
     container: dict[str, Any] = OmegaConf.to_container(cfg, resolve=False)  # type: ignore[assignment]
     found: set[str] = set()
     groups = ["experiment"]
     for group in groups:
+        if group == "page":  # which shows as much as the gallery, unless told otherwise, even where there is none
+            continue
         for option in _REFERENCE.findall(json.dumps(container.get(group), default=str)):
             found.add(option)
             if option.partition(".")[0] not in groups:

@@ -168,7 +168,8 @@ def make_scenes(
             except TaskFailedError as error:
                 console.print(f"{REPORT_FILE} has no viewer: {error}", markup=False, soft_wrap=True)
                 return None
-        return pack([scene for of_model in scenes for scene in of_model], content=made_from.content)
+        together = [scene for of_task in scenes for scene in of_task]
+        return pack(together, slider=made_from.slider, content=made_from.content)
 
 
 @contextmanager

@@ -121,13 +121,13 @@ class HeatWalk:
 
     def segmentation(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> heatwalk.Segmentation:
         """The complete result of `heatwalk.segment`."""
-        return heatwalk.segment(vertices, faces, self.time, **self._options())
+        return heatwalk.segment(vertices, faces, self.time, threads=1, **self._options())
 
     def segmentations(
         self, vertices: NDArray[np.float64], faces: NDArray[np.int64], times: Sequence[float]
     ) -> Iterator[heatwalk.Segmentation]:
         """The complete results of `heatwalk.segment_at_times`, which solves one eigenproblem for all times."""
-        return heatwalk.segment_at_times(vertices, faces, times, **self._options())
+        return heatwalk.segment_at_times(vertices, faces, times, threads=1, **self._options())
 
     def at_times(
         self, vertices: NDArray[np.float64], faces: NDArray[np.int64], times: Sequence[float]

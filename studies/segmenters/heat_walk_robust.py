@@ -112,7 +112,7 @@ class HeatWalkRobust(HeatWalk):
         self, vertices: NDArray[np.float64], faces: NDArray[np.int64], times: Sequence[float]
     ) -> Iterator[heatwalk.Segmentation]:
         """The complete results of `heatwalk.segment_robust` at each of ``times``, from one eigenproblem."""
-        return segment_robust_at_times(vertices, faces, times, options=self._parts(), **self._options())
+        return segment_robust_at_times(vertices, faces, times, options=self._parts(), threads=1, **self._options())
 
     def _parts(self) -> Options:
         """The options of `heatwalk.segment_robust` that are not those of `heatwalk.segment`."""

@@ -15,6 +15,7 @@ PLAN_FILE = "planned.txt"  # one trial_id per line, in the order of the last pla
 LOCK_FILE = "trials.lock"  # locked by the process that writes to the folder
 REPORT_FILE = "report.html"  # the page of a study
 INDEX_FILE = "index.html"  # the page of all studies
+PLATES_FILE = "plates.html"
 LABELS_FOLDER = "labels"  # arrays of single trials
 
 # A folder of results that contains this file, whose text is on the page of the results, is written to only by a command

@@ -298,12 +298,12 @@ def _stored(folder: Path, further: Sequence[str] = (*SLOT, DRAW)) -> list[dict[s
     names = ["trial_id", *further]
     if table_is_current(folder):
         try:
-            columns = read_table_columns(folder / TABLE_FILE, names)
+            table = read_table_columns(folder / TABLE_FILE, names)
         except (OSError, ValueError):
             return []
-        if "trial_id" not in columns:
+        if "trial_id" not in table:
             return []
-        return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+        return [dict(zip(table, values, strict=True)) for values in zip(*table.values(), strict=True)]
     listed = planned_ids(folder)
     kept = None if listed is None else set(listed)
     rows = {

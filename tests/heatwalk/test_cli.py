@@ -12,6 +12,7 @@ import trimesh
 import heatwalk
 from heatwalk.cli import main
 from heatwalk.io import label_colours, read_mesh, read_seg
+from heatwalk.numerics.threads import sharing_everything
 from heatwalk.robust.options import Options
 from tests.helpers.mesh_files import OCTAHEDRON, off_bytes
 from tests.helpers.meshes import bundled_path
@@ -71,6 +72,23 @@ def test_segment_accepts_a_time_and_an_output(in_empty_folder, capsys):
     expected = heatwalk.segment(cow.vertices, cow.faces, time=0.3)
     assert np.array_equal(read_seg("a.b.seg"), expected.face_labels)
     assert len(expected.exemplars) > len(heatwalk.segment(cow.vertices, cow.faces).exemplars)
+
+
+@pytest.mark.parametrize("options", [[], ["--robust"]])
+def test_files_do_not_depend_on_the_number_of_threads(options, in_empty_folder):
+    with sharing_everything():
+        for threads in ("1", "2"):
+            output = ["--output", f"{threads}.ply", "--threads", threads]
+            assert main(["segment", str(bundled_path("ant")), *output, *options]) == 0
+    assert Path("1.ply").read_bytes() == Path("2.ply").read_bytes()
+    assert Path("1.seg").read_bytes() == Path("2.seg").read_bytes()
+
+
+@pytest.mark.parametrize("threads", ["0", "-1", "1.5", "all"])
+def test_threads_that_are_no_positive_integer_are_rejected(threads, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["segment", "cow.obj", "--threads", threads])
+    assert f"argument --threads: must be a positive integer, got '{threads}'" in capsys.readouterr().err
 
 
 def test_segment_robust_writes_the_result_of_the_robust_variant(in_empty_folder, capsys):

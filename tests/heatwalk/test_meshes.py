@@ -6,7 +6,14 @@ import trimesh
 from scipy.cluster.hierarchy import DisjointSet
 
 from heatwalk.io import read_mesh
-from heatwalk.meshes import check_mesh, drop_unreferenced, face_areas, inspect_mesh, repeats_earlier_face
+from heatwalk.meshes import (
+    check_mesh,
+    drop_unreferenced,
+    face_areas,
+    inspect_mesh,
+    repeats_earlier_face,
+    without_repeated_faces,
+)
 from tests.helpers.meshes import BUNDLED, bundled_path
 
 OCTAHEDRON = trimesh.convex.convex_hull(np.vstack([np.eye(3), -np.eye(3)]))
@@ -192,3 +199,9 @@ def test_repeated_faces_are_those_of_the_same_corners_as_an_earlier_one(n_vertic
         expected.append(face in seen)
         seen.add(face)
     assert repeats_earlier_face(faces).tolist() == expected
+
+
+def test_faces_are_copied_only_if_one_is_left_out():
+    faces = np.array([[0, 1, 2], [0, 1, 3], [2, 1, 0]])
+    assert without_repeated_faces(faces).tolist() == [[0, 1, 2], [0, 1, 3]]
+    assert without_repeated_faces(faces[:2]).base is faces

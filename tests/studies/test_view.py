@@ -263,6 +263,18 @@ def test_the_page_is_opened_in_a_browser_or_its_path_printed(opens, folder, tmp_
     assert unpack(stored_scenes(path))[0].at == {"time": 2.0}
 
 
+@pytest.mark.parametrize(("many", "very_many", "expected"), [(10, 10_000, [2.0, 1.52, 2.64]), (10, 20, [2.0])])
+def test_of_large_meshes_fewer_times_are_shown(many, very_many, expected, folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(time_scenes, "MANY_VERTICES", many)
+    monkeypatch.setattr(time_scenes, "VERY_MANY_VERTICES", very_many)
+    path = tmp_path / "page.html"
+    assert main(["view", str(folder / "torus.ply"), "--time", "2", "--output", str(path)]) == 0
+    scenes = unpack(stored_scenes(path))
+    assert [scene.at["time"] for scene in scenes] == expected
+    assert (time_scenes.MARGIN in scenes[0].viewports[0].fields) == (len(expected) > 1)
+    assert " to " not in capsys.readouterr().out or len(expected) > 1
+
+
 def test_help_lists_the_command_and_loads_nothing_large(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])

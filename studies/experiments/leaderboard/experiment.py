@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import perturb
 from studies.columns import Column, Table
 from studies.datasets import Dataset, Model
-from studies.experiments.change import Change, ChangeTrial, Part
+from studies.experiments.change import Change, ChangeTrial, Part, Viewer, checked_viewer
 from studies.experiments.experiment import Experiment, require_whole_number
 from studies.experiments.leaderboard import tables
 from studies.experiments.leaderboard.findings import sentences
@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     import pandas as pd
     import trimesh
 
+    from studies.experiments.experiment import Labels
     from studies.figures.charts import Chart
+    from studies.figures.variant_scenes import VariantScenes
     from studies.segmenters import Segmenter
 
 ORIGINAL = "original"  # the part with the unperturbed mesh
@@ -103,6 +105,9 @@ class Leaderboard(Experiment):
         part of more.
     repeats : int
         trials of each model at each strength, each with its own seed
+    page : mapping, optional
+        ``worst``: of how many variants, those that each method changed most, the viewer shows that method beside the
+        one of ``relative_to``; ``models`` is 0 for a page without a viewer. See `studies.experiments.change.Viewer`
     """
 
     parts: Mapping[str, Mapping[str, Any]] | None = None
@@ -111,7 +116,9 @@ class Leaderboard(Experiment):
     relative_to: str = "HeatWalk"
     models_per_category: int | None = 2
     repeats: int = 1
+    page: Mapping[str, Any] | Viewer | None = field(default_factory=lambda: Viewer(worst=1))
 
+    has_scenes: ClassVar[bool] = True
     columns: ClassVar[tuple[Column, ...]] = (*Change.columns, *IDENTITY)
     notes: ClassVar[str] = tables.NOTES
     gathers: ClassVar[bool] = True
@@ -196,6 +203,16 @@ class Leaderboard(Experiment):
             "board.tex": export.board_for_latex(tables["table"], title),
             "board.json": export.as_json(tables, rows, title),
         }
+
+    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> VariantScenes | None:
+        """The variants that each method changed most, segmented again, beside the method that is the reference."""
+        from studies.figures.variant_scenes import VariantScenes, worst_draws
+
+        viewer = checked_viewer(self.page)
+        worst = 0 if viewer.models == 0 else viewer.worst
+        titles = {name: part.title for name, part in self.named_parts().items()}
+        draws = worst_draws(trials, rows, worst, self.relative_to, titles)
+        return VariantScenes(draws) if draws else None
 
     def findings(self, rows: pd.DataFrame, argument: Mapping[str, Any] | None = None) -> str:
         """Who changes least, how the reference compares with the methods that an argument is about, who is accurate."""

@@ -15,7 +15,7 @@ Examples
 1
 """
 
-from studies.figures.scenes import Field, Reduced, Scene, Surface, Viewport, reduce_mesh
+from studies.figures.scenes import Field, Heat, Reduced, Scene, Surface, Viewport, reduce_mesh
 from studies.reporting.html.packing import PackedScenes, pack, unpack
 from studies.reporting.html.page import (
     INDEX_FILE,
@@ -48,6 +48,7 @@ __all__ = [
     "Facts",
     "Field",
     "Heading",
+    "Heat",
     "Mark",
     "PackedScenes",
     "Page",

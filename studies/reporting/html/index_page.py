@@ -22,6 +22,7 @@ from studies.reporting.html.page import (
 from studies.reporting.html.study_page import claims_table
 from studies.reporting.page import boards_first, headings_of, introduction, picture_of
 from studies.reporting.text import count_of, plain_text
+from studies.storage.folders import PLATES_FILE
 
 if TYPE_CHECKING:
     from studies.reporting.claims import Claim
@@ -47,6 +48,7 @@ def index_page(studies: Sequence[Results], root: Path) -> Page:
     lead = f"{count_of(len(studies), 'study', 'studies')}, {count_of(trials, 'trial')}"
     blocks: list[Block] = [
         Text("", lines),
+        *_plates(root),
         CardsBlock("Studies", [_card(study, headings[study.folder], root) for study in boards_first(studies)]),
         *_claims(studies, root),
     ]
@@ -61,6 +63,14 @@ def write_index(studies: Sequence[Results], root: Path) -> None:
 def link_to(study: Results, root: Path) -> str:
     """The address of a study's page, relative to the folder of all results."""
     return quote((study.folder.relative_to(root) / REPORT_FILE).as_posix())
+
+
+def _plates(root: Path) -> list[Block]:
+    """The way to the interactive plates, if they have been made."""
+    if not (root / PLATES_FILE).exists():
+        return []
+    text = "Figures 1 to 15: heat from the vertex that is clicked, the steps of the walk, poses and variants."
+    return [CardsBlock("", [Card("The paper's figures as interactive plates", PLATES_FILE, text)])]
 
 
 def _card(study: Results, heading: str, root: Path) -> Card:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from studies.figures.charts import Axis, Chart, Panel, Series
 from studies.figures.scenes import Scene
-from studies.figures.time_scenes import FROM_REGION, MOST_DIVERGENCES, Side, scenes_by_time
+from studies.figures.time_scenes import BEFORE, FROM_REGION, MOST_DIVERGENCES, Side, scenes_by_time
 from studies.reporting.html.packing import pack
 from studies.reporting.html.page import Cell, ChartBlock, Facts, Heading, Page, TableBlock, Text, ViewerBlock
 from studies.reporting.html.svg import drawings
@@ -20,6 +20,7 @@ def mesh_page(
     sides: Sequence[Side],
     facts: Sequence[tuple[str, str]] = (),
     command: str = "",
+    first: int = BEFORE,
 ) -> Page:
     """The page of one mesh.
 
@@ -34,8 +35,10 @@ def mesh_page(
         names and values, about what is shown
     command : str
         that makes the page again
+    first : int
+        number of the time that is shown first
     """
-    scenes = scenes_by_time(times, sides)
+    scenes = scenes_by_time(times, sides, first)
     return Page(
         title,
         [

@@ -1,6 +1,7 @@
 """Scenes as a page contains them: JSON that describes them, and one compressed block of coordinates and labels.
 
-Coordinates are 16-bit numbers within the bounding box of their surface, labels and values of functions 8-bit numbers.
+Coordinates are 16-bit numbers within the bounding box of their surface, labels and values of functions 8-bit numbers,
+eigenvectors 16-bit numbers.
 Arrays that are equal, such as the faces of an original and of its noisy variants, are stored once.
 """
 
@@ -9,7 +10,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,13 +18,14 @@ import numpy as np
 
 from heatwalk.io import label_colours
 from studies.figures.colours import BACKGROUND
-from studies.figures.scenes import Field, Scene, Surface, Viewport
+from studies.figures.scenes import Field, Heat, Scene, Surface, Viewport
 
 VERSION = 1  # raise it when the format changes: pages are then made again
 
 STEPS = 65535  # of a coordinate along the bounding box
 NO_LABEL = 255
 NO_VALUE = 255
+EIGENVECTOR_STEPS = 32767  # of an eigenvector from 0 to its largest value
 LEVELS = 254  # steps of the values of a function
 COLOURS = 60  # after which the colours of labels repeat
 MOST_LABELS = 240  # a multiple of `COLOURS`
@@ -97,6 +99,7 @@ def pack(scenes: Sequence[Scene], *, slider: str = "level", content: str = "") -
                     "labels": None if each.labels is None else blocks.add(_bytes_of_labels(each.labels)),
                     "changed": None if each.changed is None else blocks.add(each.changed.astype(np.uint8)),
                     "fields": {name: _packed_field(one, blocks) for name, one in each.fields.items()},
+                    **_packed_extras(each, blocks),
                 }
             )
         packed.append(
@@ -107,6 +110,7 @@ def pack(scenes: Sequence[Scene], *, slider: str = "level", content: str = "") -
                 "axes": None if scene.axes is None else np.round(scene.axes, 6).ravel().tolist(),
                 "key": scene.key,
                 "viewports": viewports,
+                **({"slider": scene.slider} if scene.slider else {}),
             }
         )
     return PackedScenes(
@@ -157,10 +161,16 @@ def unpack(packed: PackedScenes) -> list[Scene]:
                         name: _unpacked_field(one, block(one["values"], np.uint8))
                         for name, one in each["fields"].items()
                     },
+                    each.get("shows", ""),
+                    _unpacked_heat(each["heat"], block) if "heat" in each else None,
+                    block(each["faded"], np.uint8).astype(bool) if "faded" in each else None,
+                    np.array(each["axes"]).reshape(3, 3) if "axes" in each else None,
                 )
             )
         axes = None if scene["axes"] is None else np.array(scene["axes"]).reshape(3, 3)
-        scenes.append(Scene(scene["at"], viewports, scene["text"], scene["value"], axes, scene["key"]))
+        scenes.append(
+            Scene(scene["at"], viewports, scene["text"], scene["value"], axes, scene["key"], scene.get("slider", ""))
+        )
     return scenes
 
 
@@ -204,6 +214,43 @@ def _unpacked_field(packed: Mapping[str, Any], steps: np.ndarray) -> Field:
     low, high = packed["low"], packed["high"]
     values = np.where(steps == NO_VALUE, np.nan, low + steps / LEVELS * (high - low))
     return Field(values, low, high, packed["unit"], packed.get("diverging", False))
+
+
+def _packed_extras(viewport: Viewport, blocks: _Blocks) -> dict[str, Any]:
+    """What only some viewports have, so that pages without it are as they were."""
+    extras: dict[str, Any] = {}
+    if viewport.shows:
+        extras["shows"] = viewport.shows
+    if viewport.faded is not None:
+        extras["faded"] = blocks.add(viewport.faded.astype(np.uint8))
+    if viewport.axes is not None:
+        extras["axes"] = np.round(viewport.axes, 6).ravel().tolist()
+    if viewport.heat is not None:
+        extras["heat"] = _packed_heat(viewport.heat, blocks)
+    return extras
+
+
+def _packed_heat(heat: Heat, blocks: _Blocks) -> dict[str, Any]:
+    """Eigenpairs with 16-bit eigenvectors, each relative to its largest value; missing ones have no weight."""
+    scales = np.abs(heat.eigenvectors).max(axis=0, initial=0)
+    quantised = np.rint(heat.eigenvectors / np.where(scales > 0, scales, 1.0) * EIGENVECTOR_STEPS).astype(np.int16)
+    return {
+        "eigenvalues": [[float(each) if np.isfinite(each) else None for each in row] for row in heat.eigenvalues],
+        "scales": scales.tolist(),
+        "vectors": blocks.add(quantised),
+        "components": blocks.add(heat.component.astype(np.uint32)),
+        "time": float(heat.time),
+        "point": int(heat.point),
+    }
+
+
+def _unpacked_heat(packed: Mapping[str, Any], block: Callable[[int, type], np.ndarray]) -> Heat:
+    eigenvalues = np.array([[np.inf if each is None else each for each in row] for row in packed["eigenvalues"]])
+    scales = np.array(packed["scales"])
+    vectors = block(packed["vectors"], np.int16).reshape(-1, len(scales)) / EIGENVECTOR_STEPS * scales
+    return Heat(
+        eigenvalues, vectors, block(packed["components"], np.uint32).astype(np.int64), packed["time"], packed["point"]
+    )
 
 
 class _Blocks:

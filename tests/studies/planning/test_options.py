@@ -42,7 +42,10 @@ def own(own_modules, monkeypatch, configured):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("+study=anatomy", "repeats=2"), "^repeats is not an option of the study anatomy, whose options are plates$"),
+        (
+            ("+study=anatomy", "repeats=2"),
+            "^repeats is not an option of the study anatomy, whose options are page, plates$",
+        ),
         (("+study=versatility", "gallery.style=edges"), r"^gallery\.style is not an option of the study versatility"),
         (("+study=table1", "repeats=5", "dataset.root=x"), "table1, which has none but those that every study has$"),
         (("+study=time", "swept=height"), "^swept is not an option of the study time, whose options are counted, "),

@@ -103,3 +103,12 @@ def test_the_outermost_face_does_not_depend_on_the_numbering(torus):
     order = np.random.default_rng(0).permutation(len(torus.faces))
     of = [outermost_face(DualGraph.of(torus.vertices, faces)) for faces in (torus.faces, torus.faces[order])]
     assert order[of[1]] == of[0]
+
+
+def test_shortest_paths_across_odd_meshes_and_bridges_are_those_of_scipy_bit_for_bit():
+    for name, mesh in odd_meshes().items():
+        graph = connected_dual_graph(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+        faces = np.unique(np.linspace(0, graph.n_faces - 1, 5).astype(int))
+        for weights in (np.maximum(graph.distances, 1e-12), katz_tal_weights(graph, 0.5, 0.2)):
+            ways = graph.matrix(weights)
+            assert np.array_equal(distances_from(ways, faces), dijkstra(ways, directed=False, indices=faces)), name

@@ -7,6 +7,8 @@ import yaml
 
 import conf
 import heatwalk
+from heatwalk.numerics.threads import number_of_threads
+from heatwalk.spectrum import SpectrumSolver
 from studies.segmenters import HeatWalk, SegmenterError, make_segmenter
 from studies.segmenters.heat_walk_robust import PARTS, HeatWalkRobust
 from studies.testing import check_segmenter
@@ -24,6 +26,20 @@ def ant():
 
 def test_it_is_a_segmenter():
     check_segmenter(HeatWalkRobust())
+
+
+@pytest.mark.parametrize("segmenter", [HeatWalk(), HeatWalkRobust()], ids=type)
+def test_in_a_study_one_thread_works_on_a_mesh_as_others_may_work_on_other_meshes(segmenter, ant, monkeypatch):
+    used, up_to = [], SpectrumSolver.up_to
+
+    def recorded(solver, limit):
+        used.append(number_of_threads())
+        return up_to(solver, limit)
+
+    monkeypatch.setattr(SpectrumSolver, "up_to", recorded)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    segmenter(*ant)
+    assert set(used) == {1}
 
 
 def test_without_its_parts_it_is_the_heat_walk(ant):

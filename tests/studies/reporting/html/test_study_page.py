@@ -146,7 +146,8 @@ def test_report_keeps_the_scenes_of_a_page(stored, tmp_path):
 
 def test_the_index_has_a_card_that_leads_to_each_page_and_every_claim_once(stored):
     page = index_page.index_page([stored], RESULTS)
-    [cards] = [each for each in page.blocks if each.kind == "cards"]
+    plates, cards = (each for each in page.blocks if each.kind == "cards")
+    assert [card.link for card in plates.cards] == ["plates.html"]
     assert [card.link for card in cards.cards] == ["shot_noise/bundled/report.html"]
     table = next((each for each in page.blocks if isinstance(each, TableBlock)), None)
     expected = stored.claims() if stored.dataset in stored.publication.datasets else []
