@@ -328,9 +328,11 @@ def _by_model(rows: pd.DataFrame, numbers: Mapping[str, int]) -> list[TableBlock
 
 def _agreement_by_model(rows: pd.DataFrame, numbers: Mapping[str, int]) -> list[TableBlock]:
     """How far every method is from people's segmentations of each model, those first on which the first is farthest."""
-    if AGAINST_PEOPLE not in rows or rows[AGAINST_PEOPLE].isna().all():
+    if AGAINST_PEOPLE not in rows:
         return []
     good = rows[(rows["status"] == "ok") & rows[AGAINST_PEOPLE].notna()].fillna({"category": ""})
+    if good.empty:
+        return []
     methods = list(dict.fromkeys(good["segmenter"].astype(str)))
     keys = ["model", *(["category"] if good["category"].nunique() > 1 else [])]
     frame = good.pivot_table(AGAINST_PEOPLE, keys, "segmenter", sort=False).reset_index()
