@@ -28,7 +28,8 @@ def pristine(tmp_path_factory):
     (folder / "ant.off").write_text(ant())
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        assert run_study(configured_with(*STUDY, "engine=serial", "results_dir=results", "repeats=1"), Console()).complete
+        chosen = configured_with(*STUDY, "engine=serial", "results_dir=results", "repeats=1")
+        assert run_study(chosen, Console()).complete
     return folder / "results" / FOLDER
 
 
