@@ -2,7 +2,7 @@
 
 for each connected component:
     A = M^{-1/2} L M^{-1/2}, u = M^{1/2} φ
-    if it is small: all eigenpairs by a dense solver
+    if it is small: all eigenpairs by a dense solver; of A, or where rounding spoils these, of (A - σ)⁻¹
     else: shift and invert, S = (A - σ)⁻¹ with the constant projected out
         block Lanczos on S until
             every Ritz pair up to the limit has converged (`RITZ_TOLERANCE`)
@@ -254,7 +254,7 @@ class _Component:
         """Positive eigenvalues up to ``limit``, eigenvectors of A, largest residual."""
         if limit > self.limit:
             if self.is_dense:
-                (self.values, self.vectors), self.limit = self._solve_densely(), np.inf
+                (self.values, self.vectors), self.limit = self._solve_small(limit), np.inf
             else:
                 while (found := self._iterate(limit)) is None:
                     self.width *= 2
@@ -280,18 +280,45 @@ class _Component:
 
     def _residual(self, value: float, u: NDArray[np.float64]) -> float:
         """The residual of a pair; SpectrumError if it is too large."""
+        residual, is_small = self._measure_residual(value, u)
+        if not is_small:
+            raise SpectrumError(
+                f"the eigenpairs of {_describe(self.vertices)} have a residual of {residual:.1e}, more than "
+                f"{self.max_residual:.0e}, usually because of very flat or very unequal triangles; remesh or clean "
+                "the mesh"
+            )
+        return residual
+
+    def _measure_residual(self, value: float, u: NDArray[np.float64]) -> tuple[float, bool]:
+        """The residual of a pair, and whether it is small enough."""
         # With u = M^{1/2} φ: L φ = M^{1/2} A u and M φ = M^{1/2} u.
         scale = np.linalg.norm(self.root_mass * u) * max(value, 1.0)
         residual = float(np.linalg.norm(self.root_mass * (self.matrix @ u - value * u)) / scale)
-        if not residual <= self.max_residual:
-            rounding = float(np.linalg.norm(self.root_mass * (abs(self.matrix) @ abs(u))) / scale) * np.finfo(float).eps
-            if not residual <= min(ROUNDINGS * rounding, ROUNDING_FACTOR * self.max_residual):
-                raise SpectrumError(
-                    f"the eigenpairs of {_describe(self.vertices)} have a residual of {residual:.1e}, more than "
-                    f"{self.max_residual:.0e}, usually because of very flat or very unequal triangles; remesh or clean "
-                    "the mesh"
-                )
-        return residual
+        if residual <= self.max_residual:
+            return residual, True
+        rounding = float(np.linalg.norm(self.root_mass * (abs(self.matrix) @ abs(u))) / scale) * np.finfo(float).eps
+        return residual, residual <= min(ROUNDINGS * rounding, ROUNDING_FACTOR * self.max_residual)
+
+    def _solve_small(self, limit: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """All positive eigenvalues and their eigenvectors, those up to ``limit`` with small residuals if possible."""
+        values, vectors = self._solve_densely()
+        count = _count_complete(values, limit)
+        if all(self._measure_residual(*pair)[1] for pair in zip(values[:count], vectors.T[:count], strict=True)):
+            return values, vectors
+        return self._solve_inverse()
+
+    def _solve_inverse(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """As `_solve_densely`, but rounding errors are relative to the smallest eigenvalues instead of to the largest.
+
+        The latter are enormous where masses are tiny. The factor is as exact as if all diagonal elements were 1.
+        """
+        factor = scipy.linalg.cho_factor(self.matrix.toarray() - SHIFT * np.eye(len(self.vertices)))
+        inverse = scipy.linalg.cho_solve(factor, np.eye(len(self.vertices)))
+        theta, vectors = scipy.linalg.eigh(inverse + 2 * np.outer(self.constant, self.constant) / SHIFT)
+        theta, vectors = theta[:0:-1], vectors[:, :0:-1]
+        # Applied once more, for the rows of vertices with tiny masses.
+        vectors = scipy.linalg.cho_solve(factor, vectors) / theta
+        return 1 / theta + SHIFT, vectors
 
     def _solve_densely(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """All positive eigenvalues and their eigenvectors."""

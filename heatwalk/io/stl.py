@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from heatwalk.io.numbers import BYTE_ORDER_MARK, line_number, parse_numbers, reject_bad_word
 from heatwalk.io.polygons import RawMesh, check_complete, surplus_note
-from heatwalk.io.welding import merge_equal
 from heatwalk.meshes import MeshError
+from heatwalk.numerics.rows import merge_equal
 
 _HEADER_SIZE = 84  # 80 bytes of any content, and the number of triangles
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])

@@ -21,6 +21,8 @@ class Repair:
 
     Parameters
     ----------
+    stitch : bool
+        see `heatwalk.robust.stitching`; `heatwalk.segment_robust` does it before everything else
     cut_handles : bool
         see `heatwalk.robust.handles` and `heatwalk.robust.welds`
     fill_holes : bool
@@ -45,6 +47,7 @@ class Repair:
         how far vertices are moved back along the smoothed surface at most, in mean lengths of the edges around them
     """
 
+    stitch: bool = True
     cut_handles: bool = True
     fill_holes: bool = True
     remove_spikes: bool = True

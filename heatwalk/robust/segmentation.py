@@ -24,6 +24,7 @@ from heatwalk.robust.options import Options
 from heatwalk.robust.parts import Parts, find_parts
 from heatwalk.robust.repair import Repaired, repaired
 from heatwalk.robust.scale import stable_time
+from heatwalk.robust.stitching import Stitched, stitch_borders
 from heatwalk.segmentation import (
     PAPER_TIME,
     Segmentation,
@@ -37,7 +38,7 @@ from heatwalk.segmentation import (
 from heatwalk.spectrum import Spectrum, SpectrumSolver
 
 # Increased when a change of the code changes labels, so that stored results of older versions are not reused.
-ROBUST_VERSION = 3
+ROBUST_VERSION = 4
 
 # Least weight of an eigenvalue in the averaged kernel: labels are those of all smaller values too.
 MIN_DECAY = 1e-6
@@ -66,10 +67,11 @@ class RobustSegmentation(Segmentation):
     merging : Merging
         which regions of ``walk`` are joined
     repaired : Repaired
-        the mesh that was measured: ``kernel``, ``spectrum`` and ``walk`` refer to its vertices, of which the first n
-        are those of the mesh
+        the mesh that was measured: ``kernel``, ``spectrum`` and ``walk`` refer to its vertices
+    number : (n,) int array
+        which of these each vertex is: the i-th is the i-th, unless borders were stitched
     source : (n,) int array
-        the vertex whose label each vertex has: itself, unless it is on a speck
+        which of these has the label of each vertex: ``number``, unless it is on a speck
     options : Options
     """
 
@@ -77,6 +79,7 @@ class RobustSegmentation(Segmentation):
     requested_time: float = field(kw_only=True)
     merging: Merging = field(kw_only=True)
     repaired: Repaired = field(kw_only=True)
+    number: NDArray[np.int64] = field(kw_only=True)
     source: NDArray[np.int64] = field(kw_only=True)
     parts: Parts | None = field(kw_only=True)
     options: Options = field(kw_only=True)
@@ -104,7 +107,7 @@ class RobustSegmentation(Segmentation):
     @cached_property
     def divergence_from_uniform(self) -> NDArray[np.float64]:
         """KL(p_x ‖ uniform), (n,) float array in nats, on the repaired mesh; O(n²) time on first access."""
-        return super().divergence_from_uniform[: len(self.labels)]
+        return super().divergence_from_uniform[self.number]
 
 
 def segment_robust(
@@ -224,10 +227,11 @@ def segment_robust_at_times(
     with working_threads(threads):
         stopwatch = Stopwatch()
         vertices, faces = check_mesh(vertices, faces)
-        surface = without_repeated_faces(faces)
+        stitched = (stitch_borders if options.repair.stitch else Stitched.unchanged)(vertices, faces)
+        surface = without_repeated_faces(stitched.faces)
         seconds = {"operator": stopwatch.lap()}
 
-        metric = repaired(vertices, surface, options.repair)
+        metric = repaired(vertices[stitched.origin], surface, options.repair)
         seconds["repair"] = stopwatch.lap()
 
         stiffness, mass = stiffness_and_mass(unit_area(metric.vertices, metric.faces), metric.faces)
@@ -250,8 +254,8 @@ def segment_robust_at_times(
         seconds["spectrum"] += stopwatch.lap()
         seconds["compilation"] = stopwatch.compilation
     shared = _Shared(
-        len(vertices),
         faces,
+        stitched,
         metric,
         edges,
         spectrum,
@@ -285,8 +289,8 @@ def compile_ahead() -> None:
 class _Shared(NamedTuple):
     """What segmentations at several times have in common."""
 
-    n_vertices: int
     faces: NDArray[np.int64]
+    stitched: Stitched
     metric: Repaired
     edges: NDArray[np.int64]
     spectrum: Spectrum
@@ -335,7 +339,7 @@ def _min_decay(options: Options) -> float:
 def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSegmentation:
     """The walk, the joined regions and the dissipators at a standard time."""
     stopwatch = Stopwatch()
-    options, spectrum, n_vertices = shared.options, shared.spectrum, shared.n_vertices
+    options, spectrum, n_vertices = shared.options, shared.spectrum, len(shared.stitched.origin)
     times = options.averaged(time)
     kernel = averaged_kernel(spectrum, times, _min_decay(options))
     kernel_seconds = stopwatch.lap()
@@ -367,6 +371,8 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
         dissipator_seconds["parts"] = stopwatch.lap()
     joined, excess, dissipates = joined[source], excess[source], dissipates[source]
     exemplars, accumulator_labels = _at_vertices(joined, peaks, walk.first_potential[:n_vertices])
+    exemplars, number = shared.stitched.origin[exemplars], shared.stitched.number
+    accumulator_labels, excess, dissipates = accumulator_labels[number], excess[number], dissipates[number]
     labels = np.where(dissipates, len(exemplars), accumulator_labels)
     if shared.split_dissipators:
         labels[dissipates] += dissipator_pieces(dissipates, shared.faces)
@@ -399,7 +405,8 @@ def _segment_at_time(shared: _Shared, time: float, requested: float) -> RobustSe
         requested_time=requested / PAPER_TIME,
         merging=merging,
         repaired=shared.metric,
-        source=source,
+        number=number,
+        source=source[number],
         parts=parts,
         options=options,
     )

@@ -19,6 +19,7 @@ from studies.segmenters.heat_walk import HeatWalk
 
 # The switches, and what names of methods call what each of them does.
 PARTS = {
+    "stitch": "stitching",
     "cut_handles": "handles",
     "fill_holes": "holes",
     "remove_spikes": "spikes",
@@ -40,7 +41,7 @@ class HeatWalkRobust(HeatWalk):
     ----------
     time, time_unit, density, split_dissipators
         as of `HeatWalk`
-    cut_handles, fill_holes, remove_spikes, fair
+    stitch, cut_handles, fill_holes, remove_spikes, fair
         as of `heatwalk.robust.repair.Repair`
     average, octaves, choose_time, octaves_before, octaves_after, merge, persistence, join_small, min_area, refine,
     hierarchy, max_curvature, prominence, min_part
@@ -56,6 +57,7 @@ class HeatWalkRobust(HeatWalk):
     """
 
     density: str = "area"
+    stitch: bool = True
     cut_handles: bool = True
     fill_holes: bool = True
     remove_spikes: bool = True
@@ -117,5 +119,5 @@ class HeatWalkRobust(HeatWalk):
     def _parts(self) -> Options:
         """The options of `heatwalk.segment_robust` that are not those of `heatwalk.segment`."""
         names = [field.name for field in dataclasses.fields(Options) if field.name != "repair"]
-        repair = Repair(self.cut_handles, self.fill_holes, self.remove_spikes, self.fair)
+        repair = Repair(self.stitch, self.cut_handles, self.fill_holes, self.remove_spikes, self.fair)
         return Options(repair, **{name: getattr(self, name) for name in names})

@@ -163,6 +163,22 @@ def test_residuals_from_rounding_next_to_slivers_are_accepted_because_no_label_d
     assert change_percentage(heatwalk.segment(mesh.vertices, mesh.faces).labels, found) < 0.5
 
 
+@pytest.mark.parametrize("size", [1e-4, 1e-8])
+def test_vertices_of_next_to_no_mass_do_not_spoil_a_small_component(size, monkeypatch):
+    ball = trimesh.creation.icosphere(2)
+    vertices, faces = np.array(ball.vertices), np.array(ball.faces)
+    ring = np.unique(faces[(faces == 7).any(axis=1)])
+    vertices[ring] = vertices[7] + size * (vertices[ring] - vertices[7])
+    dense = solver(vertices, faces).up_to(100)
+    assert dense.mass.min() < 0.1 * size * dense.mass.max()
+    monkeypatch.setattr(spectrum_module, "MAX_DENSE_SIZE", 0)
+    sparse = solver(vertices, faces).up_to(100)
+    assert dense.residual < spectrum_module.MAX_RESIDUAL
+    assert np.allclose(dense.eigenvalues, sparse.eigenvalues, rtol=1e-9)
+    similarity = dense.eigenvectors.T @ (dense.mass[:, None] * sparse.eigenvectors)
+    assert np.allclose(np.linalg.svd(similarity)[1], 1, atol=1e-7)
+
+
 def test_fiedler_value_of_the_unit_area_sphere_is_eight_pi():
     mesh = trimesh.creation.icosphere(5)
     assert solver(mesh.vertices, mesh.faces).fiedler_value() == pytest.approx(8 * np.pi, rel=2e-3)

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heatwalk.io import numbers, obj, off, stl, vtk_legacy, welding
+from heatwalk.io import numbers, obj, off, stl, vtk_legacy
 from heatwalk.io.polygons import Polygons
 from heatwalk.meshes import MeshError
+from heatwalk.numerics import rows as rows_module
 from tests.helpers.mesh_files import CUBE_QUADS, CUBE_VERTICES, OCTAHEDRON, TETRAHEDRON, obj_bytes, stl_text_bytes
 
 
@@ -78,32 +79,32 @@ def test_rows_are_written_with_all_digits_of_their_numbers(rows):
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
-@pytest.mark.parametrize("mixer", [welding._MIXER, np.uint64(0), np.uint64(1)])
+@pytest.mark.parametrize("mixer", [rows_module._MIXER, np.uint64(0), np.uint64(1)])
 def test_equal_rows_are_merged_as_by_unique_rows_whatever_the_mix_of_their_bits(kind, mixer):
     rng = np.random.default_rng(1)
     lattice = rng.integers(-2, 3, (400, 3)) / 3
     cloud = rng.standard_normal((50, 3))[rng.integers(0, 50, 300)]
     odd = np.array([[np.inf, 0, 1], [np.nan, 0, 0], [-np.inf, 1, 1], [np.nan, 0, 0], [np.inf, 0, 1]])
-    with mock.patch.object(welding, "_MIXER", mixer):
+    with mock.patch.object(rows_module, "_MIXER", mixer):
         for points in (lattice, cloud, lattice[:1], np.vstack([lattice, odd]), lattice[:0]):
             points = points.astype(kind) + kind(0)
             rows, rank = np.unique(points, axis=0, return_inverse=True)
-            found, place = welding.merge_equal(points)
+            found, place = rows_module.merge_equal(points)
             assert is_same(found, rows)
             assert np.array_equal(place, rank.reshape(-1))
 
 
 def test_rows_that_agree_in_the_leading_bits_of_their_mix_are_told_apart_by_the_others():
     points = np.array([[1.0, 2, 3], [4, 5, 6], [1, 2, 3], [7, 8, 9]])
-    merged = welding._merge_alike
+    merged = rows_module._merge_alike
     tried = []
 
     def refuse_first(*arguments):
         tried.append(arguments)
         return None if len(tried) == 1 else merged(*arguments)
 
-    with mock.patch.object(welding, "_merge_alike", refuse_first):
-        rows, place = welding.merge_equal(points)
+    with mock.patch.object(rows_module, "_merge_alike", refuse_first):
+        rows, place = rows_module.merge_equal(points)
     assert len(tried) == 2
     assert is_same(rows, points[[0, 1, 3]])
     assert place.tolist() == [0, 1, 0, 2]

@@ -47,7 +47,7 @@ def test_everything_that_is_wrong_is_repaired_and_counted(damaged):
 
 def test_without_any_repair_nothing_changes(damaged):
     vertices, faces = damaged
-    nothing = Repair(cut_handles=False, fill_holes=False, remove_spikes=False, fair=False)
+    nothing = Repair(stitch=False, cut_handles=False, fill_holes=False, remove_spikes=False, fair=False)
     repair = repaired(vertices, faces, nothing)
     assert np.array_equal(repair.vertices, vertices)
     assert np.array_equal(repair.faces, faces)

@@ -6,6 +6,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import heatwalk
+import perturb
 from heatwalk.confidence import dissipator_margin, walk_margin
 from heatwalk.numerics.compilation import seconds_compiled
 from heatwalk.robust.averaging import times_around
@@ -16,7 +17,7 @@ from perturb.testing import odd_meshes
 from tests.helpers.blobs import beads
 from tests.helpers.meshes import bundled
 
-NO_REPAIR = Repair(cut_handles=False, fill_holes=False, remove_spikes=False, fair=False)
+NO_REPAIR = Repair(stitch=False, cut_handles=False, fill_holes=False, remove_spikes=False, fair=False)
 OFF = Options(NO_REPAIR, average=False, choose_time=False, merge=False, join_small=False)
 
 
@@ -105,6 +106,21 @@ def test_two_beads_on_a_string_are_two_regions_at_any_time():
         assert np.mean(result.accumulator_labels == result.accumulator_labels[0]) == pytest.approx(
             np.mean(~side), abs=0.05
         )
+
+
+@pytest.mark.parametrize("amount", [0.3, 1.0])
+def test_faces_cut_loose_have_the_labels_of_the_surface_that_they_make(cow, seg, amount):
+    vertices = cow[0]
+    loose = perturb.Unwelded(amount)(trimesh.Trimesh(*cow, process=False), np.random.default_rng(0)).mesh
+    assert len(loose.vertices) > len(vertices)
+    mended = heatwalk.segment_robust(loose.vertices, loose.faces)
+    assert np.array_equal(partition(mended.face_labels), partition(seg.face_labels))
+    assert np.array_equal(mended.labels[: len(vertices)], seg.labels)
+    at_position = {tuple(p): label for p, label in zip(vertices, seg.labels, strict=True)}
+    assert mended.labels.tolist() == [at_position[tuple(p)] for p in np.asarray(loose.vertices)]
+    assert np.array_equal(mended.exemplars, seg.exemplars)
+    assert np.array_equal(mended.margin[: len(vertices)], seg.margin)
+    assert np.array_equal(mended.divergence_from_uniform[: len(vertices)], seg.divergence_from_uniform)
 
 
 def test_several_times_give_what_each_gives_alone(cow, seg):
