@@ -400,10 +400,11 @@ def _write_whole(place: storage.Place, store: storage.RowStore) -> None:
 
 
 def _write_results(study: Study, results: Results, plan: Plan, ended_early: str, console: Console) -> None:
-    from studies.reporting.html.study_page import write_study_page
     from studies.reporting.write import draw_pictures, make_scenes, write_tables
 
     write_tables(results, console, rows=not _is_large(len(results.rows), study))
+    from studies.reporting.html.study_page import write_study_page  # takes half a second to load: the table comes first
+
     scenes = None
     for stem in results.experiment.unwanted_pictures():
         (study.folder / f"{stem}.png").unlink(missing_ok=True)
