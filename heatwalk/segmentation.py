@@ -3,7 +3,7 @@
 import time as clock
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -271,6 +271,7 @@ def in_standard_units(times: Sequence[float], time_unit: str, solver: SpectrumSo
     return [time * (PAPER_TIME if time_unit == "paper" else 1.0) for time in times]
 
 
+@cache  # what has been compiled stays so
 def compile_ahead() -> None:
     """Compile what `segment` needs, or load it from numba's cache, so that the next call is as fast as all others.
 

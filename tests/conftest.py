@@ -53,9 +53,15 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 def pytest_collection_modifyitems(items):
-    """The recipes, which take longest, come early enough for the other process to have something to do meanwhile."""
-    position = {"heatwalk": 0, "perturb": 1, "test_recipes.py": 2}
-    items.sort(key=lambda item: position.get(item.path.relative_to(ROOT / "tests").parts[0], 3))
+    """Files that take longest come early: at the end, short ones are left for whichever process has nothing to do."""
+    items.sort(key=lambda item: _position(item.path.relative_to(ROOT / "tests").parts))
+
+
+def _position(parts):
+    """Where a file of tests comes, from the parts of its path."""
+    if len(parts) == 2 and parts[0] == "studies":
+        return 4  # commands, before the folders of the packages
+    return {"heatwalk": 0, "perturb": 1, "test_recipes.py": 2, "test_docs.py": 3}.get(parts[0], 5)
 
 
 def pytest_sessionstart(session):

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -271,6 +271,7 @@ def segment_robust_at_times(
     )
 
 
+@cache  # what has been compiled stays so
 def compile_ahead() -> None:
     """Compile what `segment_robust` needs, or load it from numba's cache, as `heatwalk.segmentation.compile_ahead`.
 

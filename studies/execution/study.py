@@ -400,10 +400,11 @@ def _write_whole(place: storage.Place, store: storage.RowStore) -> None:
 
 
 def _write_results(study: Study, results: Results, plan: Plan, ended_early: str, console: Console) -> None:
-    from studies.reporting.html.study_page import write_study_page
     from studies.reporting.write import draw_pictures, make_scenes, write_tables
 
     write_tables(results, console, rows=not _is_large(len(results.rows), study))
+    from studies.reporting.html.study_page import write_study_page  # takes half a second to load: the table comes first
+
     scenes = None
     for stem in results.experiment.unwanted_pictures():
         (study.folder / f"{stem}.png").unlink(missing_ok=True)
@@ -437,8 +438,9 @@ def _report_missing_metrics(rows: pd.DataFrame, store: storage.RowStore, console
     for name, metric in metrics.registered().items():
         if name not in succeeded:
             continue
-        n_missing = int(succeeded[name].isna().sum())
-        if n_missing and not (metric.needs_mesh and _is_stored(name, store)):
+        # A metric of meshes can be stored as missing, of comparisons without a mesh, or without borders.
+        n_missing = _count_without(name, store) if metric.needs_mesh else int(succeeded[name].isna().sum())
+        if n_missing:
             computed = "was" if n_missing == 1 else "were"
             console.print(
                 f"{count_of(n_missing, 'row')} {computed} computed before the metric {name} was added: fresh=true "
@@ -448,9 +450,9 @@ def _report_missing_metrics(rows: pd.DataFrame, store: storage.RowStore, console
             )
 
 
-def _is_stored(name: str, store: storage.RowStore) -> bool:
-    """Whether every stored row has this value, if only to say that it is missing: of comparisons without a mesh."""
-    return all(name in row for row in store if row["status"] == "ok")
+def _count_without(name: str, store: storage.RowStore) -> int:
+    """How many stored rows of trials that succeeded lack a value, even one that says that it is missing."""
+    return sum(name not in row for row in store if row["status"] == "ok")
 
 
 def _report_failures(rows: pd.DataFrame, ended_early: str, console: Console) -> None:

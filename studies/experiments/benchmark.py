@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -13,6 +13,7 @@ import numpy as np
 from heatwalk import LoadedMesh, faces_from_vertices
 from studies.columns import AUTHORS, COMPUTED, Column, Table
 from studies.datasets import Model
+from studies.experiments.change import Viewer, checked_viewer
 from studies.experiments.experiment import (
     FAILURES,
     MODELS,
@@ -37,7 +38,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from studies.datasets import Dataset
+    from studies.experiments.experiment import Labels
     from studies.figures.charts import Chart
+    from studies.figures.people_scenes import PeopleScenes
 
 PEOPLE = "Humans"
 OF_AUTHORS = f" ({AUTHORS})"  # behind the names of their methods in rows, where they may be next to our own
@@ -190,8 +193,18 @@ def has_people(model: Model) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Benchmark(Experiment):
-    """The Princeton benchmark's metrics, per model over its people, then over models."""
+    """The Princeton benchmark's metrics, per model over its people, then over models.
 
+    Parameters
+    ----------
+    page : mapping, optional
+        which models the viewer of the page shows, and ``worst`` more on which the first method agrees least with
+        people; see `studies.experiments.change.Viewer`
+    """
+
+    page: Mapping[str, Any] | Viewer | None = field(default_factory=Viewer)
+
+    has_scenes: ClassVar[bool] = True
     columns: ClassVar[tuple[Column, ...]] = (
         *psb.COLUMNS,
         Column(name="n_people", dtype="Int64", help="People whose segmentations of the model are compared with."),
@@ -255,6 +268,17 @@ class Benchmark(Experiment):
 
         metrics = [column for column in psb.COLUMNS if column.name in psb.MAIN]
         return {study: charts.method_scores(tables["table"], metrics, title)}
+
+    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> PeopleScenes | None:
+        """People's segmentations beside those of the methods."""
+        from studies.figures.gallery import choose_models
+        from studies.figures.people_scenes import people_scenes
+
+        viewer = checked_viewer(self.page)
+        good = rows[(rows["status"] == "ok") & rows["rand_index_error"].notna()]
+        scores = dict(zip(good["trial_id"], good["rand_index_error"].astype(float), strict=True))
+        models = choose_models([trial.model.name for trial in trials], viewer.models) if viewer.models != 0 else []
+        return people_scenes(trials, scores, models, viewer.worst) if models else None
 
 
 def _table_by_category(rows: pd.DataFrame, scores: Sequence[Column]) -> Table | None:

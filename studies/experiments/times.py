@@ -12,7 +12,7 @@ import numpy as np
 from heatwalk import LoadedMesh
 from studies import metrics
 from studies.columns import Column, Table
-from studies.experiments.change import columns_by_level, summary
+from studies.experiments.change import Viewer, checked_viewer, columns_by_level, summary
 from studies.experiments.distinct import REACHES, DistinctSegments
 from studies.experiments.experiment import (
     FAILURES,
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from studies.experiments.experiment import Labels
     from studies.figures.charts import Chart
     from studies.figures.pictures import Picture
+    from studies.figures.times_scenes import TimesScenes
 
 # The time that the others are compared with: the usual one of all other studies.
 REFERENCE_TIME = 1.0
@@ -163,6 +164,9 @@ class Times(Experiment):
         what the share ``unchanged`` is, which is compared with published values: of the models whose number is the same
         at every time, of those whose largest and smallest number differ by at most one, or, mean over models, of the
         times at which the number is that at time 1. The others are in columns beside it.
+    page : mapping
+        which ``models`` the viewer of the page shows, at every time of the study, see
+        `studies.experiments.change.Viewer`
     """
 
     times: Mapping[str, Any]
@@ -172,6 +176,9 @@ class Times(Experiment):
     plate: Mapping[str, Any] = field(default_factory=dict)
     counted: str | Sequence[str] = COUNTED
     criterion: str = CRITERIA[0]
+    page: Mapping[str, Any] | Viewer | None = field(default_factory=Viewer)
+
+    has_scenes: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         self._all_times()
@@ -365,6 +372,20 @@ class Times(Experiment):
         shown = [*named, *reversed(first.values())]
         if shown:
             yield TimePlate(self.plate["stem"], shown[0], list(self.plate["times"]), title)
+
+    def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> TimesScenes | None:
+        """Some models at every time, first at the reference time."""
+        from studies.figures.gallery import choose_models
+        from studies.figures.times_scenes import TimesScenes
+
+        viewer = checked_viewer(self.page)
+        good = set(rows.loc[rows["status"] == "ok", "trial_id"])
+        by_model: dict[str, list[Trial]] = {}
+        for trial in trials:
+            if trial.trial_id in good:
+                by_model.setdefault(trial.model.name, []).append(trial)
+        names = choose_models(by_model, viewer.models) if viewer.models != 0 else []
+        return TimesScenes([by_model[name] for name in names], REFERENCE_TIME) if names else None
 
 
 def _share(numbers: pd.DataFrame, reference: pd.Series, criterion: str) -> tuple[float, float, float]:

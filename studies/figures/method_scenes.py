@@ -28,7 +28,7 @@ from studies.reporting.text import count_of
 if TYPE_CHECKING:
     from studies.experiments.named_perturbations import NamedPerturbation
 
-VERSION = 1  # raise it when a change alters scenes: they are then made again
+VERSION = 2  # raise it when a change alters scenes: they are then made again
 POSITION = "position"  # of the slider
 TIMES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.7, 4.5, 7.5, 12.0)
 FIRST = TIMES.index(1.0)
@@ -233,7 +233,7 @@ def showcase_scene(shapes: Sequence[Shape]) -> list[Scene]:
                 shape, shape.viewport(labels_with_background(seg), shape.name, count_of(seg.n_segments, "segment"))
             )
         )
-    return [Scene({POSITION: 0}, viewports, axes=shapes[0].axes)]
+    return [Scene({}, viewports, axes=shapes[0].axes)]
 
 
 def pose_scenes(shapes: Sequence[Sequence[tuple[Shape, np.ndarray]]]) -> list[Scene]:
@@ -245,7 +245,7 @@ def pose_scenes(shapes: Sequence[Sequence[tuple[Shape, np.ndarray]]]) -> list[Sc
         the poses of each shape: its vertices at the p points that all of its poses have in common
     """
     viewports = [viewport for poses in shapes for viewport in pose_viewports(poses)]
-    return [Scene({POSITION: 0}, viewports, axes=shapes[0][0][0].axes)]
+    return [Scene({}, viewports, axes=shapes[0][0][0].axes)]
 
 
 def pose_viewports(
@@ -285,7 +285,7 @@ def class_scene(shapes: Sequence[Shape]) -> list[Scene]:
         numbers = match_parts(reference, of_shape)
         coloured = np.where(labels == BACKGROUND, BACKGROUND, numbers[labels])
         viewports.append(_upright(shape, shape.viewport(coloured, shape.name, count_of(seg.n_segments, "segment"))))
-    return [Scene({POSITION: 0}, viewports, axes=shapes[0].axes)]
+    return [Scene({}, viewports, axes=shapes[0].axes)]
 
 
 def perturbed_scenes(shape: Shape, named: NamedPerturbation, seed: int = 0) -> list[Scene]:
@@ -407,14 +407,14 @@ class PoseScenes:
                     shapes[name] = posed, models[name].correspondence()
             poses = [shapes[name] for name in names]
             segmenter = trial.segmenter_of_shape()
-            labels = [_labels_by(segmenter, posed.mesh) for posed, _ in poses]
+            labels = [labels_by(segmenter, posed.mesh) for posed, _ in poses]
             row = trial.segmenter_name if len(rows) > 1 else ""
             viewports += [replace(each, row=row) for each in pose_viewports(poses, labels)]
         first = next(iter(shapes.values()))[0]
         return [Scene({"shape": shape}, viewports, axes=first.axes)]
 
 
-def _labels_by(segmenter: Any, mesh: LoadedMesh) -> np.ndarray:
+def labels_by(segmenter: Any, mesh: LoadedMesh) -> np.ndarray:
     """The labels of a method, with the dissipator region of a Heat Walk as the background."""
     if hasattr(segmenter.method, "segmentation"):
         return labels_with_background(segmenter.method.segmentation(mesh.vertices, mesh.faces))

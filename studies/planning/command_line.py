@@ -9,6 +9,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +113,7 @@ def check_groups(arguments: Sequence[str]) -> None:
             raise StudyError(f"{argument}: it must be the name of a {key.lstrip('+')}; see --help")
 
 
+@cache
 def _is_name(value: str) -> bool:
     """Whether Hydra reads a value as text."""
     try:

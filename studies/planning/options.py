@@ -60,12 +60,14 @@ def pass_to_experiment(cfg: DictConfig, overrides: Sequence[str], others: Iterab
     accepted = _parameters(locate("experiment", name, StudyError))
     cfg = copy.deepcopy(cfg)
     OmegaConf.set_struct(cfg, False)
+    references = _references(cfg)
     for option in _given(cfg, overrides, {*others, "hydra"}):
         group = option.partition(".")[0]
-        if _is_used(option, _references(cfg)):
+        if _is_used(option, references):
             continue
         if group in accepted and group not in cfg.experiment:
             cfg.experiment[group] = f"${{{group}}}"
+            references = _references(cfg)
         elif option not in WITHOUT_EFFECT or OmegaConf.select(cfg, option) != WITHOUT_EFFECT[option]:
             end = f"{_options(cfg, accepted)}{_suggestion(option, cfg)}"
             raise StudyError(f"{option} is not an option of the study {cfg.study.name}{end}")

@@ -26,6 +26,15 @@ SILENT_SECONDS = 30.0
 COUNTS = ("models", "levels", "repeats", "trials", "stored", "failed", "missing")
 
 
+class _Speed(progress.ProgressColumn):
+    """Trials per second, computed when it is shown: it is a sum over the last thousand trials."""
+
+    def render(self, task: progress.Task) -> Text:
+        """The number, or nothing if it is not known yet."""
+        speed = task.finished_speed or task.speed
+        return Text(f"{speed:.1f}/s" if speed else "")
+
+
 class Progress(progress.Progress):
     """Trials done and failed, trials per second, time left, and what each worker is doing.
 
@@ -56,7 +65,7 @@ class Progress(progress.Progress):
             progress.TextColumn("trials"),
             progress.BarColumn(bar_width=None),
             progress.MofNCompleteColumn(),
-            progress.TextColumn("{task.fields[rate]}"),
+            _Speed(),
             progress.TimeElapsedColumn(),
             progress.TextColumn("left"),
             progress.TimeRemainingColumn(),
@@ -67,7 +76,7 @@ class Progress(progress.Progress):
             speed_estimate_period=120,
             expand=True,
         )
-        self._bar = self.add_task("trials", total=total, rate="", failures="")
+        self._bar = self.add_task("trials", total=total, failures="")
 
     def count(self, status: str) -> None:
         """Count one more trial as done."""
@@ -75,13 +84,7 @@ class Progress(progress.Progress):
         self._done += 1
         if not self.console.is_terminal:
             self._print_line()
-        speed = self.tasks[0].finished_speed or self.tasks[0].speed
-        self.update(
-            self._bar,
-            advance=1,
-            rate=f"{speed:.1f}/s" if speed else "",
-            failures=f"{self._failed} failed" if self._failed else "",
-        )
+        self.update(self._bar, advance=1, failures=f"{self._failed} failed" if self._failed else "")
 
     def _print_line(self) -> None:
         """Print how far the study is, if it is time to."""

@@ -35,9 +35,7 @@ class DrawingError(RuntimeError):
 
 
 def write_tables(results: Results, console: Console, *, rows: bool = True) -> None:
-    """Write rows, unless ``rows`` is false, tables and charts to the folder of the results; print the main table."""
-    from studies.figures import drawing
-
+    """Write rows, unless ``rows`` is false, and tables; print the main one; draw charts."""
     folder, tables = results.folder, results.report_tables
     if rows:
         write_table(folder / TABLE_FILE, results.rows)
@@ -53,10 +51,12 @@ def write_tables(results: Results, console: Console, *, rows: bool = True) -> No
     for name, text in results.experiment.files(tables, results.rows, results.title).items():
         with atomic_write(folder / name) as path:
             path.write_text(encodable(text), "utf-8")
+    print_table(results.title, results.main_table, console)
+    from studies.figures import drawing  # takes a second to load: the table is there before
+
     with _after_tables("charts", results):
         for stem, chart in results.experiment.charts(results.name, tables, results.rows, results.title).items():
             drawing.save(drawing.draw(chart), folder / f"{stem}.png")
-    print_table(results.title, results.main_table, console)
 
 
 def write_origin(made: MadeFrom, place: Place, sources: Sequence[Path], *, ran: bool) -> None:

@@ -137,15 +137,8 @@ class Segmenter:
     def options(self) -> dict[str, Any]:
         """The options of the method, those that have their default value too, without ``_target_``."""
         recipe = json.loads(self.recipe)
-        target = locate("segmenter", recipe["_target_"], SegmenterError)
-        plain = (str, int, float, bool, list, tuple, type(None))
-        defaults = {
-            name: parameter.default
-            for name, parameter in signature(target).parameters.items()
-            if isinstance(parameter.default, plain)
-        }
         told = {TOLD_OPTION: self.n_segments or f"of {self.reference.name}"} if self.reference else {}
-        return defaults | {key: value for key, value in recipe.items() if not key.startswith("_")} | told
+        return _defaults(self.recipe) | {key: value for key, value in recipe.items() if not key.startswith("_")} | told
 
     @property
     def method(self) -> Any:
@@ -278,6 +271,15 @@ def _reference(reference: Segmenter | None) -> Segmenter:
 def _method(recipe: str) -> Callable[..., ArrayLike]:
     """The callable that a recipe describes, made once per process: it may read the weights of a network."""
     return construct("segmenter", json.loads(recipe), SegmenterError)
+
+
+@lru_cache(maxsize=64)
+def _defaults(recipe: str) -> dict[str, Any]:
+    """The default values of the options of a method, found once per process: every row has them."""
+    target = locate("segmenter", json.loads(recipe)["_target_"], SegmenterError)
+    plain = (str, int, float, bool, list, tuple, type(None))
+    parameters = signature(target).parameters.items()
+    return {name: parameter.default for name, parameter in parameters if isinstance(parameter.default, plain)}
 
 
 def _full_name(

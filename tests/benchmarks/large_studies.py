@@ -29,7 +29,9 @@ from studies.datasets import Dataset, Model
 SIZES = (100_000, 1_000_000)
 MODELS = 100
 LEVELS = 10
+FINISHED = (1_000, 10_000)  # trials of the studies whose end is measured
 TARGETS = {"plan": (60.0, 1.0), "resume": (120.0, 1.5)}  # seconds and GB for ten million trials
+TABLE_TARGETS = (0.15, 1.5)  # CPU seconds from the last of 1,000 trials to the table, and from the start to the first
 RATE = 1_000.0  # trials a second
 RUN_FOR = 30.0  # seconds of simulated work, of which the start and the end are a part
 ROW = {
@@ -55,6 +57,7 @@ class Sleeping:
     def __init__(self, workers, seconds):
         self.processes, self.seconds = workers, seconds
         self.handed_over = 0
+        self.last = (0.0, 0.0)  # when the last task was done: by the clock, and in CPU seconds of this process
 
     def warm_up(self):
         pass
@@ -100,6 +103,7 @@ class _SleepingSession:
         while self._pending and self._pending[0][0] <= now:
             task = heapq.heappop(self._pending)[2]
             finished.append((task, _outcome(task)))
+        self._engine.last = time.monotonic(), time.process_time()
         return finished
 
 
@@ -226,7 +230,57 @@ def saturated(workers, folder):
     return head(workers, folder, 0.0)
 
 
-MEASURES = {"plan": plan, "fill": fill, "resume": resume, "head": head, "saturated": saturated}
+def finish(n, folder):
+    """Seconds from the last trial until the table is printed, of a study whose trials take no time."""
+    from rich.console import Console
+
+    from studies.execution.study import run_study
+    from studies.reporting import write
+
+    engine = Sleeping(64, 0.0)
+    study = study_of(n, folder, engine)
+    printed, print_table = [], write.print_table
+
+    def print_and_note(*arguments):
+        print_table(*arguments)
+        printed.append((time.monotonic(), time.process_time()))
+
+    write.print_table = print_and_note
+    run_study(study, Console(file=io.StringIO()))
+    (wall, cpu), (wall_before, cpu_before) = printed[0], engine.last
+    return {"seconds": cpu - cpu_before, "elapsed": wall - wall_before}
+
+
+def begin(_, folder):
+    """Seconds from the start of the process until the first trial begins, of a study of one model in one process."""
+    from studies.execution.serial import _SerialSession
+    from studies.run import main
+
+    begun, wait = [], _SerialSession.wait
+
+    def note_and_wait(session):
+        if session._submitted and not isinstance(session._submitted[0], tuple):  # which asks whether it is compiled
+            begun.append((time.time() - psutil.Process().create_time(), time.process_time()))
+        return wait(session)
+
+    _SerialSession.wait = note_and_wait
+    sys.argv[1:] = ["+study=shot_noise", "engine=serial", "dataset.models=[cow]", "levels=[0.05]", "repeats=1"]
+    sys.argv += ["gallery.models=0", f"results_dir={folder}"]
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+        main()
+    elapsed, cpu = begun[0]
+    return {"seconds": cpu, "elapsed": elapsed}
+
+
+MEASURES = {
+    "finish": finish,
+    "begin": begin,
+    "plan": plan,
+    "fill": fill,
+    "resume": resume,
+    "head": head,
+    "saturated": saturated,
+}
 
 
 def in_process(name, number, folder):
@@ -246,6 +300,18 @@ def measured(name, number, folder):
 def run(sizes, workers):
     """The lines of the report."""
     lines = [
+        "| from | to | CPU s | elapsed s |",
+        "| --- | --- | --- | --- |",
+    ]
+    with tempfile.TemporaryDirectory() as name:
+        begun = in_process("begin", 1, name)
+        lines.append(f"| start | first trial | {begun['seconds']:.2f} | {begun['elapsed']:.2f} |")
+        for n in FINISHED:
+            done = in_process("finish", n, Path(name) / str(n))
+            lines.append(f"| last of {n:,} trials | table | {done['seconds']:.2f} | {done['elapsed']:.2f} |")
+    print(*lines, sep="\n", flush=True)
+    lines += [
+        "",
         "| trials | planning, s | peak, GB | store, GB | planning and resuming, s | peak, GB |",
         "|" + " --- |" * 6,
     ]
@@ -287,9 +353,11 @@ def report(lines):
             "",
             "Made by `python -m tests.benchmarks.large_studies`. CPU seconds and peak memory of fresh processes; the "
             f"trials a second are elapsed time. Load average of the last 15 minutes: {load:.1f} on {os.cpu_count()} "
-            f"processors. Targets for ten million trials: a plan in {plan_s:.0f} s and {plan_gb:g} GB, its store read "
-            f"and resumed in {resume_s:.0f} s and {resume_gb:g} GB; {RATE:,.0f} trials a second. The store is "
-            "synthetic, with rows of the size of real ones; the workers are simulated by tasks that sleep.",
+            f"processors. Targets: {TABLE_TARGETS[0]:g} s from the last of 1,000 trials to the table, "
+            f"{TABLE_TARGETS[1]:g} s from the start to the first trial; for ten million trials, a plan in "
+            f"{plan_s:.0f} s and {plan_gb:g} GB, its store read and resumed in {resume_s:.0f} s and {resume_gb:g} GB; "
+            f"{RATE:,.0f} trials a second. The store is synthetic, with rows of the size of real ones; the workers are "
+            "simulated by tasks that sleep.",
             "",
             *lines,
             "",

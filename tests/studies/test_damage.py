@@ -7,23 +7,37 @@ import sys
 
 import pandas as pd
 import pytest
+from rich.console import Console
 
 import studies
 from studies import merge, report, status
+from studies.execution.study import run_study
 from studies.planning.errors import StudyError
 from studies.storage import RowStore, StoredRows
-from tests.studies.conftest import STUDY, typed
+from tests.studies.conftest import STUDY, ant, configured_with, typed
 from tests.studies.storage.example_rows import row
 from tests.studies.test_survival import FOLDER
 
 SURROGATE = chr(0xDCFC)
 
 
+@pytest.fixture(scope="module")
+def pristine(tmp_path_factory):
+    """The folder of a study, run once."""
+    folder = tmp_path_factory.mktemp("pristine")
+    (folder / "ant.off").write_text(ant())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        chosen = configured_with(*STUDY, "engine=serial", "results_dir=results", "repeats=1")
+        assert run_study(chosen, Console()).complete
+    return folder / "results" / FOLDER
+
+
 @pytest.fixture
-def two(study, here):
+def two(pristine, here):
     """The folder of all results, with the same study in two places."""
-    assert study("repeats=1")
-    shutil.copytree(here / "results" / FOLDER, here / "results" / "zebra" / "files")
+    shutil.copytree(pristine, here / "results" / FOLDER)
+    shutil.copytree(pristine, here / "results" / "zebra" / "files")
     return here / "results"
 
 

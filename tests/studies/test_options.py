@@ -147,6 +147,17 @@ def test_rows_that_are_older_than_a_metric_are_counted_and_shown_without_it(stud
     assert rows()["agreeing"].notna().all()
 
 
+def test_a_metric_of_meshes_that_is_not_defined_for_a_trial_is_not_counted_as_newer_than_its_row(
+    study, add_metric, capsys
+):
+    assert study("repeats=1", "levels=[0.1]")
+    add_metric(dataclasses.replace(METRIC, needs_mesh=True, function=lambda comparison: None))
+    assert study("repeats=1", "levels=[0.1,0.2]")
+    assert "1 row was computed before" in said(capsys)
+    assert study("repeats=1", "levels=[0.1,0.2]", "fresh=true")
+    assert "computed before" not in said(capsys)
+
+
 def test_a_compact_metric_of_integers_is_on_the_terminal_with_its_mean(study, add_metric, capsys):
     add_metric(METRIC)
     assert study("repeats=2", "levels=[0.1]")

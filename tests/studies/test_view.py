@@ -273,6 +273,8 @@ def test_of_large_meshes_fewer_times_are_shown(many, very_many, expected, folder
     assert [scene.at["time"] for scene in scenes] == expected
     assert (time_scenes.MARGIN in scenes[0].viewports[0].fields) == (len(expected) > 1)
     assert " to " not in capsys.readouterr().out or len(expected) > 1
+    text = path.read_text("utf-8")
+    assert ("Segments by time" in text, "one time is shown" in text) == (len(expected) > 1, len(expected) == 1)
 
 
 def test_help_lists_the_command_and_loads_nothing_large(capsys):

@@ -6,9 +6,16 @@ from collections.abc import Sequence
 
 from studies.figures.charts import Axis, Chart, Panel, Series
 from studies.figures.scenes import Scene
-from studies.figures.time_scenes import BEFORE, FROM_REGION, MOST_DIVERGENCES, Side, scenes_by_time
+from studies.figures.time_scenes import (
+    BEFORE,
+    FROM_REGION,
+    MOST_DIVERGENCES,
+    VERY_MANY_VERTICES,
+    Side,
+    scenes_by_time,
+)
 from studies.reporting.html.packing import pack
-from studies.reporting.html.page import Cell, ChartBlock, Facts, Heading, Page, TableBlock, Text, ViewerBlock
+from studies.reporting.html.page import Block, Cell, ChartBlock, Facts, Heading, Page, TableBlock, Text, ViewerBlock
 from studies.reporting.html.svg import drawings
 
 SLIDER = "time"
@@ -43,21 +50,27 @@ def mesh_page(
         title,
         [
             ViewerBlock(),
-            Text("", _explanations(sides)),
-            ChartBlock("Segments by time", drawings(_chart(times, sides))),
-            _table(scenes, sides),
+            Text("", _explanations(times, sides)),
+            *(_over_time(times, scenes, sides) if len(times) > 1 else []),
             Facts("How this page was made", facts, [command] if command else []),
         ],
         scenes=pack(scenes, slider=SLIDER),
     )
 
 
-def _explanations(sides: Sequence[Side]) -> list[str]:
+def _explanations(times: Sequence[float], sides: Sequence[Side]) -> list[str]:
     """How to read the viewer."""
+    where = [*(["over time"] if len(times) > 1 else []), *(["on both sides"] if len(sides) > 1 else [])]
+    colour = f"A part keeps its colour {' and '.join(where)}; the" if where else "Each part has a colour; the"
     lines = [
-        f"A part keeps its colour over time{' and on both sides' if len(sides) > 1 else ''}; the dissipator region is "
-        "grey. The time is how long heat flows, in the unit of the paper, in which its experiments use 1.",
+        f"{colour} dissipator region is grey. The time is how long heat flows, in the unit of the paper, in which its "
+        "experiments use 1.",
     ]
+    if len(times) == 1:
+        lines.append(
+            f"Of meshes with more than {VERY_MANY_VERTICES:,} vertices one time is shown, which --time chooses, and no "
+            "margin."
+        )
     if any(side.compared for side in sides):
         lines.append(
             "CP, the Change Percentage, is twice the share of points that must change their segment to turn one "
@@ -74,6 +87,11 @@ def _explanations(sides: Sequence[Side]) -> list[str]:
             f"The two divergences that the test compares are shown of meshes with up to {MOST_DIVERGENCES:,} vertices."
         )
     return lines
+
+
+def _over_time(times: Sequence[float], scenes: Sequence[Scene], sides: Sequence[Side]) -> list[Block]:
+    """The number of segments at each time, as a chart and as a table."""
+    return [ChartBlock("Segments by time", drawings(_chart(times, sides))), _table(scenes, sides)]
 
 
 def _name(side: Side) -> str:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from studies.reporting.results import Results
 
 VALUE = "change_percentage"
+AGAINST_PEOPLE = "rand_index_error"  # of a study that compares with segmentations by people
 WORST_SHOWN = 30
 MOST_NAMED = 8  # methods
 FAILURES_SHOWN = 200
@@ -80,7 +81,7 @@ def study_page(
         *([methods_block(results)] if is_board else []),
         *_worst(rows, numbers),
         *_failures(rows),
-        *_by_model(rows),
+        *_by_model(rows, numbers),
         *(TableBlock.of(table, table.title) for table in list(results.report_tables.values())[1:] if table.visible()),
         *others,
         *_pictures(results, charts),
@@ -295,12 +296,14 @@ def _columns(rows: pd.DataFrame, *further: str) -> list[Column]:
     return [declared[name] for name in (*names, *further) if name in declared]
 
 
-def _by_model(rows: pd.DataFrame) -> list[TableBlock]:
+def _by_model(rows: pd.DataFrame, numbers: Mapping[str, int]) -> list[TableBlock]:
     """What each model contributes."""
     import pandas as pd
 
-    if VALUE not in rows or rows[VALUE].isna().all() or rows["model"].nunique() < 2:
+    if rows["model"].nunique() < 2:
         return []
+    if VALUE not in rows or rows[VALUE].isna().all():
+        return _agreement_by_model(rows, numbers)
     keys = ["model", *(["category"] if rows["category"].fillna("").nunique() > 1 else [])]
     keys += ["segmenter"] if rows["segmenter"].nunique() > 1 else []
     grouped = rows.fillna({"category": ""}).groupby(keys, sort=False)
@@ -321,6 +324,34 @@ def _by_model(rows: pd.DataFrame) -> list[TableBlock]:
         Column(name="failures", heading="failed", format=".0f", help="Trials that failed."),
     ]
     return [TableBlock.of(Table("by_model", frame, columns), "By model")]
+
+
+def _agreement_by_model(rows: pd.DataFrame, numbers: Mapping[str, int]) -> list[TableBlock]:
+    """How far every method is from people's segmentations of each model, those first on which the first is farthest."""
+    if AGAINST_PEOPLE not in rows:
+        return []
+    good = rows[(rows["status"] == "ok") & rows[AGAINST_PEOPLE].notna()].fillna({"category": ""})
+    if good.empty:
+        return []
+    methods = list(dict.fromkeys(good["segmenter"].astype(str)))
+    keys = ["model", *(["category"] if good["category"].nunique() > 1 else [])]
+    frame = good.pivot_table(AGAINST_PEOPLE, keys, "segmenter", sort=False).reset_index()
+    frame["scene"] = frame["model"].map(_scene_of_model(good, numbers)).fillna(-1).astype(int)
+    frame = frame.sort_values(methods[0], ascending=False, kind="stable")
+    columns = [
+        *(Column(name=key, dtype="string") for key in keys),
+        *(Column(name=method, format=".3f", help="Mean over people's segmentations.") for method in methods),
+    ]
+    block = TableBlock.of(Table("by_model", frame, columns), "By model: Rand Index error")
+    linked = [
+        [_with_scene(row[0], int(scene)), *row[1:]] for row, scene in zip(block.rows, frame["scene"], strict=True)
+    ]
+    return [TableBlock(block.heading, block.headings, linked, f"Those come first on which {methods[0]} is farthest.")]
+
+
+def _scene_of_model(rows: pd.DataFrame, numbers: Mapping[str, int]) -> dict[str, int]:
+    shown = rows[rows["trial_id"].isin(numbers)]
+    return {str(row.model): numbers[str(row.trial_id)] for row in shown.itertuples()}
 
 
 def _pictures(results: Results, charts: Mapping[str, Chart]) -> list[PictureBlock]:

@@ -1,8 +1,9 @@
 import io
 
+import rich.progress
 from rich.console import Console
 
-from studies.reporting.progress import Progress
+from studies.reporting.progress import Progress, _Speed
 
 
 class Busy:
@@ -57,3 +58,16 @@ def test_a_line_in_a_file_tells_how_many_trials_failed():
         "2 of 20 trials, 1 failed; 0:03:00 left",
         "4 of 20 trials, 2 failed; 0:02:40 left",
     ]
+
+
+def test_the_speed_is_that_of_the_trials_that_are_done_and_nothing_before_the_first_is():
+    now = [0.0]
+    bar = rich.progress.Progress(get_time=lambda: now[0])
+    task = bar.add_task("trials", total=10)
+    speeds = []
+    for _ in range(4):
+        speeds.append(_Speed().render(bar.tasks[0]).plain)
+        now[0] += 0.5
+        bar.advance(task)
+    assert speeds[0] == ""
+    assert speeds[-1] == "2.0/s"

@@ -61,3 +61,15 @@ def test_the_interval_is_the_same_every_time():
 def test_pairs_of_two_items_have_no_interval():
     assert np.isnan(interval_over_pairs([np.array([[0.0, 1.0], [1.0, 0.0]])])).all()
     assert np.isnan(interval_over_pairs([])).all()
+
+
+@pytest.mark.parametrize("n", [2, 3, 11, 40])
+def test_one_value_per_model_gives_the_interval_that_scipy_gives(n):
+    import scipy.stats
+
+    values = np.random.default_rng(n).gamma(2, size=n)
+    found = scipy.stats.bootstrap(
+        (values,), np.mean, method="percentile", n_resamples=2000, rng=np.random.default_rng(0)
+    ).confidence_interval
+    frame = pd.DataFrame({"model": [f"{i:02}" for i in range(n)], "value": values})
+    assert interval_of_mean(frame, "value") == pytest.approx((found.low, found.high), rel=1e-14)

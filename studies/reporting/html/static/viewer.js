@@ -12,7 +12,7 @@
     return;
   }
 
-  const NO_LABEL = 255, CREASE = Math.cos(Math.PI / 4), MARGIN = 1.12, FADED = 0.78, PALE = 0.6, SPOT = 0.035, CLICK = 5, STEPS = 254, EIGENVECTOR_STEPS = 32767;
+  const NO_LABEL = 255, CREASE = Math.cos(Math.PI / 4), MARGIN = 1.12, FADED = 0.78, PALE = 0.6, SPOT = 0.035, CLICK = 5, STEPS = 254, TALL = 0.6, EIGENVECTOR_STEPS = 32767;
   const VIRIDIS = ["#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
   const BLUE_TO_RED = ["#2166ac", "#4393c3", "#92c5de", "#d1e5f0", "#f7f7f7", "#fddbc7", "#f4a582", "#d6604d", "#b2182b"];
 
@@ -294,6 +294,8 @@
       grid.append(cell);
       return { cell, viewport, frame: frames[i] };
     });
+    // A finger scrolls past a viewer that would otherwise fill the screen of a phone.
+    stage.style.touchAction = stage.clientHeight > TALL * innerHeight ? "pan-y" : "none";
     scales();
   };
   const scales = () => {

@@ -275,6 +275,18 @@ def test_nothing_is_wider_than_a_phone(page):
         page.set_viewport_size({"width": 1100, "height": 800})
 
 
+def test_a_finger_scrolls_past_a_viewer_that_nearly_fills_the_screen(page):
+    touch = "() => getComputedStyle(document.getElementById('stage')).touchAction"
+    assert page.evaluate(touch) == "none"
+    page.set_viewport_size({"width": 360, "height": 420})
+    try:
+        page.wait_for_function(f"() => ({touch})() === 'pan-y'")
+        assert page.evaluate("() => document.getElementById('stage').clientHeight") > 0.6 * 420
+    finally:
+        page.set_viewport_size({"width": 1100, "height": 800})
+        page.wait_for_function(f"() => ({touch})() === 'none'")
+
+
 def test_a_browser_without_webgl_says_so_and_shows_the_rest(chromium, address):
     page = chromium.new_page()
     said = []

@@ -93,6 +93,18 @@ def test_each_model_has_its_mean_and_its_worst(stored):
         assert (found["largest"], found["trials"], found["failed"]) == (values.max(), len(values), 0)
 
 
+def test_each_model_of_a_comparison_with_people_has_the_agreement_of_every_method():
+    results = Results.load(RESULTS / "table1" / "psb")
+    shown = block(study_page.study_page(results), "By model: Rand Index error")
+    methods = [heading.text for heading in shown.headings[2:]]
+    values = results.rows.set_index(["model", "segmenter"])["rand_index_error"]
+    assert len(shown.rows) == results.rows["model"].nunique()
+    for model, _, *cells in shown.rows:
+        assert [cell.order for cell in cells] == [values[model.text, method] for method in methods]
+    first = [row[2].order for row in shown.rows]
+    assert first == sorted(first, reverse=True)
+
+
 def test_failed_trials_are_listed_with_their_reasons(failing):
     page = study_page.study_page(failing)
     shown = block(page, "Failed trials (2)")
