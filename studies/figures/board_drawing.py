@@ -44,7 +44,9 @@ COLOURS = 6  # before they repeat with another line
 PANEL_HEIGHT = 1.12
 WIDE_ERRORS = 4.0  # largest over smallest Rand Index error from which on its axis is logarithmic
 ERRORS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8)
+MARGIN = 0.06  # inches between the vertical axis and the names of points
 NEARER = 0.03  # inches by which a name must be nearer to its point than to any other
+SHARES = np.linspace(0, 1, 41)  # of each piece of the front, at which names are kept off it
 WIDE = 6.0  # mean corruption error from which on its axis is compressed above 1
 
 
@@ -141,7 +143,7 @@ def _draw_scatter(chart: Chart, scatter: Scatter) -> Figure:
         axes.set_xscale("log")
         axes.set_xticks(ERRORS, [f"{tick:g}" for tick in ERRORS])
         axes.minorticks_off()
-        axes.set_xlim(min(x) / 1.25, max(x) * 1.6)
+        axes.set_xlim(min(x) / 1.4, max(x) * 1.6)
     else:
         spread = np.ptp(x) or 0.1
         axes.set_xlim(min(x) - 0.12 * spread, max(x) + 0.25 * spread)
@@ -200,7 +202,7 @@ class _Box:
 
 
 def _write_names(figure: Figure, axes: Axes, scatter: Scatter) -> None:
-    """Write the name of each point next to it, where it covers neither points nor other names."""
+    """Write the name of each point next to it, where it covers neither points nor other names nor the front."""
     to_inches = (axes.transData - figure.dpi_scale_trans).transform
     named = [
         (displayable(name), *to_inches((x, y)))
@@ -209,8 +211,11 @@ def _write_names(figure: Figure, axes: Axes, scatter: Scatter) -> None:
     ]
     frame = axes.get_position()
     wide, high = figure.get_size_inches()
-    inside = _Box(frame.x0 * wide, frame.y0 * high, frame.x1 * wide, frame.y1 * high)
+    inside = _Box(frame.x0 * wide + MARGIN, frame.y0 * high, frame.x1 * wide, frame.y1 * high)
+    front = [to_inches(point) for point in scatter.front]
+    along = [start + share * (end - start) for start, end in itertools.pairwise(front) for share in SHARES]
     taken = [_Box(x - 0.05, y - 0.05, x + 0.05, y + 0.05) for _, x, y in named]
+    taken += [_Box(x - 0.02, y - 0.02, x + 0.02, y + 0.02) for x, y in along]
     for name, x, y in sorted(named, key=lambda point: (-point[2], point[1])):
         size = (width(name, SMALL) + 0.04, 0.12)
         others = [(at_x, at_y) for _, at_x, at_y in named if (at_x, at_y) != (x, y)]
