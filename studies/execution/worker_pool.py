@@ -38,6 +38,9 @@ POLL_SECONDS = 0.25  # between two measurements of the memory of the workers, ea
 GRACE_SECONDS = 30.0  # in which the supervisors of a worker's programs end by themselves and clean up
 EXIT_SECONDS = 10.0  # in which a process that has closed its pipe must exit
 ATTEMPTS = 3  # workers that may die before one of them starts a task
+PAUSE_SECONDS = (
+    0.1  # before the next attempt, longer each time: that the process they are forked from died is noticed late
+)
 
 _STARTED = b"started"  # what a worker sends when it starts a task
 
@@ -115,7 +118,7 @@ class WorkerPool:
         """
         worker = self._slots.get()
         try:
-            for _ in range(ATTEMPTS):
+            for attempt in range(ATTEMPTS):
                 try:
                     worker = worker or self._start_worker()
                     worker.start_task(task)
@@ -124,6 +127,7 @@ class WorkerPool:
                 except _WorkerDiedError as death:
                     ended = self._remove(worker) if worker else str(death)
                     worker = None
+                    self._closed.wait(PAUSE_SECONDS * attempt)
             else:
                 return self._not_started(ended)
             try:

@@ -24,6 +24,13 @@ class Single(Experiment):
         return []
     def tables(self, rows):
         return []
+
+@dataclass(frozen=True, kw_only=True)
+class Plain(Experiment):
+    def plan(self, study, dataset, segmenters):
+        return []
+    def tables(self, rows):
+        return []
 """
 
 
@@ -47,7 +54,7 @@ def own(own_modules, monkeypatch, configured):
             "^repeats is not an option of the study anatomy, whose options are page, plates$",
         ),
         (("+study=versatility", "gallery.style=edges"), r"^gallery\.style is not an option of the study versatility"),
-        (("+study=table1", "repeats=5", "dataset.root=x"), "table1, which has none but those that every study has$"),
+        (("+study=table1", "repeats=5", "dataset.root=x"), "table1, whose options are page$"),
         (("+study=time", "swept=height"), "^swept is not an option of the study time, whose options are counted, "),
         (("+study=pose", "gallery.models=2", "dataset.root=x"), r"^gallery\.models is not an option of the study pose"),
         (("+study=holes", "+reapeats=2"), "^reapeats is not an option of the study holes, whose options are axis, "),
@@ -95,6 +102,7 @@ def test_an_experiment_of_ones_own_gets_the_options_of_a_study_that_it_has_too(o
     ("words", "message"),
     [
         (("Single", "repeats=2"), r"^repeats is not an option of the study mine, whose options are experiment\.share$"),
+        (("Plain", "repeats=2"), "^repeats is not .* mine, which has none but those that every study has$"),
         (("Single", "levels=[1]"), "Could not override 'levels'"),
         (("Single", "+levels=[1]"), "^levels is not an option of the study mine"),
         (("Repeated", "gallery.columns=2"), r"gallery\.columns is not .* experiment\.repeats, experiment\.share$"),
