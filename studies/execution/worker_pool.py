@@ -38,9 +38,7 @@ POLL_SECONDS = 0.25  # between two measurements of the memory of the workers, ea
 GRACE_SECONDS = 30.0  # in which the supervisors of a worker's programs end by themselves and clean up
 EXIT_SECONDS = 10.0  # in which a process that has closed its pipe must exit
 ATTEMPTS = 3  # workers that may die before one of them starts a task
-PAUSE_SECONDS = (
-    0.1  # before the next attempt, longer each time: that the process they are forked from died is noticed late
-)
+PAUSE_SECONDS = 0.1  # before the next attempt, then longer: a process that died is not noticed at once
 
 _STARTED = b"started"  # what a worker sends when it starts a task
 

@@ -149,7 +149,7 @@ class Publication:
         )
 
     def _with_methods(self, table: Table) -> Table:
-        """A table of methods with the published rows below the computed ones."""
+        """A table of methods with the published rows, of methods that are shipped below those computed."""
         import pandas as pd
 
         source, methods = self._data["column"], self._data["methods"]["rows"]
@@ -160,7 +160,11 @@ class Publication:
         )
         frame = pd.concat([table.frame.assign(method=names), published], ignore_index=True)
         # The scores of a method's segmentations by its authors come before those that are published of it.
-        places = [_place_of(str(row["method"]), row["source"], list(methods)) for row in frame.to_dict("records")]
+        computed = list(frame["method"][frame["source"] == COMPUTED])
+        places = [
+            _place_of(str(method), source, list(methods), self._data["methods"].get("shipped", {}), computed)
+            for method, source in zip(frame["method"], frame["source"], strict=True)
+        ]
         frame = frame.iloc[sorted(range(len(frame)), key=places.__getitem__)].reset_index(drop=True)
         notes = " ".join(filter(None, (table.notes, self._data["note"])))
         return table.replace(
@@ -237,11 +241,16 @@ class Publication:
                 yield entry
 
 
-def _place_of(method: str, source: str, published: Sequence[str]) -> tuple[int, int]:
-    """Where a row of a table of methods goes: computed ones, then the published ones, each in their own order."""
-    if source == COMPUTED or method not in published:
-        return 0, 0
-    return 1 + published.index(method), int(source != AUTHORS)
+def _place_of(
+    method: str, source: str, published: Sequence[str], shipped: Mapping[str, str], computed: Sequence[str]
+) -> tuple[int, int, int]:
+    """Where a row of a table of methods goes: below what was computed of the method, or below all that was computed."""
+    by = int(source != AUTHORS)
+    if source == COMPUTED:
+        return 0, computed.index(method), -1
+    if shipped.get(method) in computed:
+        return 0, computed.index(shipped[method]), by
+    return (1, published.index(method), by) if method in published else (0, len(computed), 0)
 
 
 def _lookup(entry: Mapping[str, Any], record: Mapping[str, Any]) -> Any:

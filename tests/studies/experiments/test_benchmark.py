@@ -167,6 +167,17 @@ def test_the_table_has_the_authors_rows_beside_those_published_of_the_same_metho
     assert "come with the dataset" in table.notes
 
 
+def test_what_is_published_of_a_shipped_method_is_below_what_was_computed_of_it(rows_with_methods):
+    names = {"OneSegment": "RandomizedCuts", "Voronoi": "HeatWalk"}
+    table = Benchmark().tables(rows_with_methods.replace({"segmenter": names}))[0]
+    annotated = Publication.load("heat_walk_2011").annotate(table, rows_with_methods)
+    order = annotated.frame[["method", "source"]].agg(" ".join, axis=1).tolist()
+    at = order.index("RandomizedCuts computed")
+    assert order[at : at + 3] == ["RandomizedCuts computed", "RandCuts authors", "RandCuts paper"]
+    assert order.index("HeatWalk paper") > order.index("Humans computed")
+    assert sorted(order) == sorted(dict.fromkeys(order))
+
+
 def test_the_table_says_which_methods_were_told_the_number_of_segments(rows_with_methods):
     table = Benchmark().tables(rows_with_methods)[0]
     told = table.frame.set_index(["method", "source"])["told"]
