@@ -30,9 +30,7 @@ MEMORY = 16_000_000_000  # bytes
 PAIRS = 30  # eigenpairs of a spectrum
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 BASELINES = {"one_segment", "voronoi", "felzenszwalb"}
-DRAWN = (
-    "heat_walk", "heat_walk_robust", "eigsh", "vhacd", "coacd", "vcg_shape_diameter", "normalized_cuts", "random_walks",
-)  # fmt: skip
+DRAWN = ("heat_walk", "heat_walk_robust", "eigsh", "vhacd", "coacd", "randomized_cuts")
 
 
 def coacd(vertices, faces):
@@ -327,7 +325,7 @@ def chart(found):
                 )
             )
         vertices = Axis("vertices", ticks=logarithmic_ticks(SIZES[0], SIZES[-1]), logarithmic=True)
-        return Panel(vertices, Axis(unit, logarithmic=True), title, series=tuple(drawn), own_legend=True)
+        return Panel(vertices, Axis(unit, logarithmic=True), title, series=tuple(drawn))
 
     panels = (panel("Time", "CPU seconds, one thread", "seconds", 1), panel("Peak memory", "GB", "megabytes", 1e3))
     return Chart("Time and memory beside other methods", panels, subtitle="all axes are logarithmic")
