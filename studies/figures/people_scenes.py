@@ -14,8 +14,9 @@ from studies.figures.pictures import label_of
 from studies.figures.scenes import Scene, Viewport, reduce_mesh
 from studies.figures.views import view_of
 from studies.reporting.text import count_of
+from studies.segmenters.labels import labels_at_vertices
 
-VERSION = 1  # raise it when a change alters scenes: they are then made again
+VERSION = 2  # raise it when a change alters scenes: they are then made again
 PERSON = "person"
 
 
@@ -48,7 +49,12 @@ class PeopleScenes:
         mesh, people = first.model.load(), first.model.human_segmentations()
         reduced = reduce_mesh(mesh.vertices, mesh.faces)
         surface = reduced.surface(mesh.vertices)
-        of_people = [labels_of_vertices(labels, mesh.faces, len(mesh.vertices)) for labels in people]
+
+        def at_vertices(face_labels: np.ndarray) -> np.ndarray:
+            numbers = np.unique(face_labels, return_inverse=True)[1]
+            return labels_at_vertices(numbers, mesh.vertices, mesh.faces, "faces")
+
+        of_people = [at_vertices(labels) for labels in people]
         colours = of_people[0]
 
         def viewport(labels: np.ndarray, title: str, note: str) -> Viewport:
@@ -59,7 +65,7 @@ class PeopleScenes:
             viewport(
                 labels_by(trial.segmenter, mesh)
                 if trial.segmenter
-                else labels_of_vertices(trial.model.method_segmentation(trial.method), mesh.faces, len(mesh.vertices)),
+                else at_vertices(trial.model.method_segmentation(trial.method)),
                 trial.segmenter_name,
                 note,
             )
@@ -83,31 +89,6 @@ def _title(number: int, n_people: int) -> str:
 
 def _parts(labels: np.ndarray) -> int:
     return len(np.unique(labels))
-
-
-def labels_of_vertices(face_labels: np.ndarray, faces: np.ndarray, n_vertices: int) -> np.ndarray:
-    """For each vertex the label that most of its faces have, of several the smallest; 0 without a face.
-
-    Parameters
-    ----------
-    face_labels : (m,) int array
-    faces : (m, 3) int array
-    n_vertices : int
-
-    Returns
-    -------
-    (n_vertices,) int array
-        from 0, in the order of the labels
-
-    Examples
-    --------
-    >>> labels_of_vertices(np.array([7, 7, 9]), np.array([[0, 1, 2], [0, 2, 3], [2, 4, 3]]), 5).tolist()
-    [0, 0, 0, 0, 1]
-    """
-    values, numbers = np.unique(face_labels, return_inverse=True)
-    votes = np.zeros((n_vertices, len(values)), np.int32)
-    np.add.at(votes, (faces.ravel(), np.repeat(numbers, 3)), 1)
-    return votes.argmax(axis=1)
 
 
 def people_scenes(

@@ -6,7 +6,7 @@ import trimesh
 
 from heatwalk.io import LoadedMesh
 from studies.experiments.benchmark import Benchmark
-from studies.figures.people_scenes import labels_of_vertices, people_scenes
+from studies.figures.people_scenes import people_scenes
 from studies.reporting.html import pack, unpack
 
 BALL = trimesh.creation.icosphere(2)
@@ -80,10 +80,3 @@ def test_without_methods_that_succeeded_or_models_that_are_wanted_there_is_no_vi
     rows = pd.DataFrame({"trial_id": [*SCORES], "rand_index_error": [*SCORES.values()], "status": "ok"})
     assert Benchmark(page={"models": 0}).scenes(TRIALS, rows, lambda _: None) is None
     assert len(Benchmark(page={"models": 1, "worst": 1}).scenes(TRIALS, rows, lambda _: None).shown) == 2
-
-
-def test_the_labels_of_vertices_are_those_of_most_of_their_faces():
-    labels = labels_of_vertices(SLICES, FACES, len(VERTICES))
-    for vertex in range(0, len(VERTICES), 7):
-        counts = np.bincount(SLICES[(vertex == FACES).any(axis=1)], minlength=3)
-        assert counts[labels[vertex]] == counts.max()
