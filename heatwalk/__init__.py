@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from heatwalk.meshes import MeshReport as MeshReport
     from heatwalk.meshes import check_mesh as check_mesh
     from heatwalk.meshes import inspect_mesh as inspect_mesh
+    from heatwalk.options import ALGORITHM_VERSION as ALGORITHM_VERSION
     from heatwalk.robust.segmentation import segment_robust as segment_robust
-    from heatwalk.segmentation import ALGORITHM_VERSION as ALGORITHM_VERSION
     from heatwalk.segmentation import Segmentation as Segmentation
     from heatwalk.segmentation import faces_from_vertices as faces_from_vertices
     from heatwalk.segmentation import segment as segment
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _MODULES = {
-    "ALGORITHM_VERSION": "segmentation",
+    "ALGORITHM_VERSION": "options",
     "LoadedMesh": "io.reading",
     "MeshError": "meshes",
     "MeshReport": "meshes",

@@ -15,16 +15,11 @@ from heatwalk.kernel import HeatKernel, largest_eigenvalue
 from heatwalk.laplacian import stiffness_and_mass, unit_area, vertex_components
 from heatwalk.meshes import check_mesh, without_repeated_faces
 from heatwalk.numerics.threads import one_blas_thread, sharing_everything, with_threads, working_threads
+from heatwalk.options import DENSITIES, TIME_UNITS
 from heatwalk.spectrum import Spectrum, SpectrumSolver
-
-# Increased when a change of the code changes labels, so that stored results of older versions are not reused.
-ALGORITHM_VERSION = 2
 
 # Time 1 of the paper on a mesh of area 1, in units of the heat equation ∂u/∂t = Δu: the paper's operator is Δ/6.
 PAPER_TIME = 1 / 6
-
-TIME_UNITS = ("paper", "standard", "fiedler")
-DENSITIES = ("vertices", "area")
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """``python -m studies.run +study=NAME``: the command line of studies.
 
-Numerical and drawing libraries are imported inside the functions that need them: every worker process imports this
-module again, and `--help` should not wait for them.
+Hydra and all other libraries are imported inside the functions that need them: every worker process imports this module
+again, and the process that workers are forked from starts before them.
 """
 
 from __future__ import annotations
@@ -16,28 +16,14 @@ from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-import hydra
-from hydra.core.hydra_config import HydraConfig
-from hydra.types import RunMode
-from omegaconf import DictConfig
-
 from studies._own_packages import CONF
+from studies.execution.fork_server import start_for_command
 from studies.execution.interruption import is_ctrl_c, watch_ctrl_c
-from studies.planning.command_line import (
-    add_missing_options,
-    check_groups,
-    flags_last,
-    hints,
-    list_globbed_studies,
-    option_names,
-    quote_argument,
-    quoted,
-    swept_options,
-)
-from studies.planning.help import HELP_FLAGS, help_text
 from studies.terminal import INTERRUPTED, MISTAKE, SOME_FAILED, one_line, run_command
 
 if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
     from studies.reporting.results import Results
 
 # The jobs of a sweep that failed: their options, and the exit codes that they would have had alone.
@@ -53,6 +39,10 @@ class TrialsFailed(SystemExit):
 
 def main() -> None:
     """Run the command with Hydra; its own exit code for mistakes, 1, becomes 2."""
+    start_for_command(sys.argv[1:])
+    from studies.planning.command_line import flags_last
+    from studies.planning.help import HELP_FLAGS, help_text
+
     arguments = flags_last(sys.argv[1:])
     if not {*HELP_FLAGS}.isdisjoint(arguments) and not {"--config-dir", "-cd"} & {*arguments}:
         print(help_text(arguments))
@@ -66,6 +56,8 @@ def main() -> None:
 @contextmanager
 def _folder_of_dry_sweep(arguments: Sequence[str]) -> Iterator[list[str]]:
     """The option that has Hydra write its record of a sweep to a folder that is deleted, if it is a dry run."""
+    from studies.planning.command_line import quoted
+
     is_sweep = bool({"-m", "--multirun"} & {*arguments})
     if not is_sweep or not any(a.lstrip("+").lower() == "dry_run=true" for a in arguments):
         yield []
@@ -76,6 +68,17 @@ def _folder_of_dry_sweep(arguments: Sequence[str]) -> Iterator[list[str]]:
 
 def _run_command(arguments: list[str]) -> None:
     """Run the studies that the arguments define."""
+    import hydra
+
+    from studies.planning.command_line import (
+        add_missing_options,
+        check_groups,
+        hints,
+        list_globbed_studies,
+        option_names,
+        quote_argument,
+    )
+
     try:
         check_groups(arguments)
     except ValueError as error:
@@ -84,7 +87,7 @@ def _run_command(arguments: list[str]) -> None:
     quoted = [quote_argument(argument, is_sweep) for argument in arguments]
     sys.argv[1:] = add_missing_options(list_globbed_studies(quoted) if is_sweep else quoted)
     try:
-        _hydra_main()
+        hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(_run_job)()
     except SystemExit as stop:
         if stop.code != SOME_FAILED or isinstance(stop, TrialsFailed):
             raise
@@ -100,8 +103,11 @@ def _run_command(arguments: list[str]) -> None:
         sys.exit(max(code for _, code in _failed_jobs))
 
 
-@hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
-def _hydra_main(cfg: DictConfig) -> None:
+def _run_job(cfg: DictConfig) -> None:
+    """Run the study of one job of a sweep, or that of a command that is none."""
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
+
     try:
         _run(cfg)
     except SystemExit as stop:
@@ -113,10 +119,12 @@ def _hydra_main(cfg: DictConfig) -> None:
 
 def _run(cfg: DictConfig) -> None:
     """Run the study of one job, and exit with its code."""
+    from hydra.core.hydra_config import HydraConfig
     from rich.console import Console
 
     from studies.datasets.dataset import DatasetError
     from studies.execution.study import run_study
+    from studies.planning.command_line import swept_options
     from studies.planning.configuration import check_own_names, configure
 
     overrides = list(HydraConfig.get().overrides.task)
@@ -124,7 +132,7 @@ def _run(cfg: DictConfig) -> None:
         try:
             check_own_names()
             study = configure(cfg, overrides, swept_options(sys.argv[1:], overrides))
-            outcome = run_study(study, Console(markup=False))
+            outcome = run_study(study, Console(markup=False, emoji=False))
         except DatasetError as error:  # its message has a line for each file that the data consist of
             _fail(str(error))
         except (ValueError, OSError) as error:

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from studies.execution.engine import check_limits, check_workers
-from studies.execution.worker_pool import WorkerPool, process_context
+from studies.execution.fork_server import process_context
+from studies.execution.worker_pool import WorkerPool
 
 
 @dataclass(frozen=True)

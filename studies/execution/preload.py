@@ -2,6 +2,8 @@
 
 That process must not have threads, because its forks would inherit what a thread has locked. It therefore limits BLAS
 to one thread, and imports no pandas, whose Arrow starts threads when it is imported.
+
+It ends as soon as the process that it is started for has: a command with a mistake does not leave it behind at work.
 """
 
 import contextlib
@@ -31,8 +33,13 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", 
     os.environ[_variable] = "1"
 os.environ["MPLBACKEND"] = "Agg"  # workers show nothing
 gc.disable()  # what is imported is no garbage
+_parent = os.getppid()
 for _module in NEEDED:
+    if os.getppid() != _parent:
+        os._exit(0)
     with contextlib.suppress(Exception):  # this only saves time: a task that needs the module reports the error
         import_module(_module)
+with contextlib.suppress(Exception):  # nor is it a mistake here if there is nothing in numba's cache
+    import_module("studies.segmenters.heat_walk").HeatWalk.is_compiled()  # which loads it, for all workers at once
 gc.freeze()  # nor do workers look through it, which would copy it to each of them
 gc.enable()

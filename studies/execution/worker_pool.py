@@ -11,7 +11,6 @@ import os
 import pickle
 import queue
 import signal
-import sys
 import threading
 import time
 from collections.abc import Iterable
@@ -19,20 +18,15 @@ from concurrent.futures import CancelledError
 from importlib import import_module
 from multiprocessing import connection
 from multiprocessing.connection import Connection
-from multiprocessing.context import BaseContext
 from typing import Any
 
 import psutil
 import threadpoolctl
 
 from studies.execution.engine import TaskFailure, parse_bytes
+from studies.execution.fork_server import process_context
 from studies.execution.interruption import reason, traceback_of
 from studies.execution.process_tree import find_families, kill_processes, resident_memory, split_supervised
-
-# Workers are forked, from a process that has imported what they need; not from this process, because a fork inherits
-# locks that other threads of its parent hold. Elsewhere each worker starts anew: the libraries of macOS do not survive
-# any fork, and Windows has none.
-START_METHOD = "forkserver" if sys.platform == "linux" else "spawn"
 
 POLL_SECONDS = 0.25  # between two measurements of the memory of the workers, each of which takes some 5 ms
 GRACE_SECONDS = 30.0  # in which the supervisors of a worker's programs end by themselves and clean up
@@ -305,17 +299,6 @@ class _Worker:
                 return True
             if deadline is not None and time.monotonic() >= deadline:
                 return False
-
-
-def process_context() -> BaseContext:
-    """The way in which worker processes are started; see `START_METHOD`."""
-    context = multiprocessing.get_context(START_METHOD)
-    if START_METHOD == "forkserver":
-        from multiprocessing import forkserver
-
-        context.set_forkserver_preload(["studies.execution.preload"])
-        forkserver.ensure_running()
-    return context
 
 
 def _serve(pipe: Connection, function: bytes) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from heatwalk import faces_from_vertices
+import heatwalk
 from studies.columns import Column, Table
 from studies.metrics import psb
 from studies.statistics.bootstrap import interval_of_mean, model_mean
@@ -162,7 +162,7 @@ class _Judge:
 
     def means(self, labels: NDArray[np.int64]) -> dict[str, float]:
         """The mean over people of every metric of a segmentation of the vertices."""
-        scores = self._evaluator.evaluate(faces_from_vertices(labels, self._faces))
+        scores = self._evaluator.evaluate(heatwalk.faces_from_vertices(labels, self._faces))
         with np.errstate(invalid="ignore"):
             return {name: float(np.mean([score[name] for score in scores])) for name in psb.MAIN}
 

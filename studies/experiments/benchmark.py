@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from heatwalk import LoadedMesh, faces_from_vertices
+import heatwalk
+from heatwalk import LoadedMesh
 from studies.columns import AUTHORS, COMPUTED, Column, Table
 from studies.datasets import Model
 from studies.experiments.change import Viewer, checked_viewer
@@ -131,7 +132,7 @@ class BenchmarkTrial(Trial):
         else:
             labels, values["seconds_segment"], values["peak_memory"] = measured(self.segmenter, mesh)
             values["n_segments"] = len(np.unique(labels))
-            face_labels = faces_from_vertices(labels, mesh.faces)
+            face_labels = heatwalk.faces_from_vertices(labels, mesh.faces)
             scores = psb.Evaluator(mesh, people).evaluate(face_labels)
         return values | {name: float(np.mean([score[name] for score in scores])) for name in scores[0]}
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from heatwalk import faces_from_vertices
+import heatwalk
 from heatwalk.io import label_colours
 from studies.metrics import match_labels
 
@@ -30,7 +30,7 @@ def face_colours(labels: np.ndarray | None, faces: np.ndarray) -> np.ndarray:
     """
     if labels is None:
         labels = np.full(faces.max() + 1, BACKGROUND)
-    of_faces = faces_from_vertices(labels, faces)
+    of_faces = heatwalk.faces_from_vertices(labels, faces)
     grey = max(of_faces.max(), 0) + 1
     return label_colours(np.where(of_faces == BACKGROUND, grey, of_faces), grey)[:, :3]
 

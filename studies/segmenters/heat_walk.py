@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import heatwalk
-from heatwalk.segmentation import DENSITIES, TIME_UNITS, compile_ahead
+from heatwalk.options import DENSITIES, TIME_UNITS
 from studies.segmenters.about import About
 
 _BIBTEX = """\
@@ -96,6 +96,8 @@ class HeatWalk:
     @staticmethod
     def compile_ahead() -> None:
         """Compile everything that segmenting needs."""
+        from heatwalk.segmentation import compile_ahead
+
         compile_ahead()
 
     def __call__(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:

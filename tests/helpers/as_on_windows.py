@@ -90,9 +90,9 @@ if __name__ == "__main__":
         del sys.modules[name]  # of an interpreter of the tests, which has imported some as they are
     import_all()
     from studies import run
-    from studies.execution import worker_pool
+    from studies.execution import fork_server
     from studies.storage import rows
 
-    print("workers are started by:", worker_pool.START_METHOD)
+    print("workers are started by:", fork_server.START_METHOD)
     print("the project sees os.fork:", hasattr(rows.os, "fork"))
     run.main()

@@ -14,7 +14,8 @@ import pytest
 
 from studies.execution import Local, Serial, TaskFailedError, TaskFailure, map_ordered
 from studies.execution.engine import parse_bytes
-from studies.execution.worker_pool import ATTEMPTS, START_METHOD, WorkerPool, WorkerPoolError
+from studies.execution.fork_server import START_METHOD
+from studies.execution.worker_pool import ATTEMPTS, WorkerPool, WorkerPoolError
 from tests.studies.execution.engines import (
     abort_at_three,
     add_up,
