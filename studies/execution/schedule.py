@@ -3,7 +3,7 @@
 import pickle
 import time
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import groupby
@@ -163,7 +163,9 @@ def run_trials(engine: Engine, trials: Iterable[Trial]) -> Generator[Row, None, 
             yield from rows
 
 
-def run_batches(engine: Engine, trials: Iterable[Trial]) -> Generator[list[Row], None, None]:
+def run_batches(
+    engine: Engine, trials: Iterable[Trial], meanwhile: Callable[[], None] | None = None
+) -> Generator[list[Row], None, None]:
     """Run trials on an engine.
 
     Parameters
@@ -171,6 +173,8 @@ def run_batches(engine: Engine, trials: Iterable[Trial]) -> Generator[list[Row],
     engine : Engine
     trials : iterable of Trial
         those with the same ``group_key`` one after the other; consumed as needed
+    meanwhile : callable, optional
+        () -> None, called once, when the first tasks have been handed over
 
     Yields
     ------
@@ -185,6 +189,9 @@ def run_batches(engine: Engine, trials: Iterable[Trial]) -> Generator[list[Row],
                 session.submit(task)
             if not session.pending:
                 return
+            if meanwhile is not None:
+                meanwhile()
+                meanwhile = None
             rows = [row for task, outcome in session.wait() for row in schedule.complete(task, outcome)]
             if rows:
                 yield rows

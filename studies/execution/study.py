@@ -241,7 +241,9 @@ def _write_plan(
 
 def _run_missing(study: Study, missing: Plan, store: storage.RowStore, console: Console) -> str:
     """Run trials and store their rows; why it ended early, "" if it did not."""
+    from studies.execution.imports_ahead import OF_TABLE, ImportsAhead
     from studies.execution.schedule import run_batches
+    from studies.execution.serial import Serial
     from studies.reporting.progress import Progress
 
     if not missing:
@@ -251,11 +253,14 @@ def _run_missing(study: Study, missing: Plan, store: storage.RowStore, console: 
     except KeyboardInterrupt:
         return INTERRUPTED
     labels = storage.LabelStore(study.folder)
+    ahead = ImportsAhead(OF_TABLE)
+    meanwhile = None if isinstance(study.engine, Serial) else ahead.start  # the serial engine leaves no time for it
     declared = {column.name for column in row_columns(study.experiment)} | {"seconds"}  # which the schedule adds
     try:
         with (
             Progress(len(missing), study.engine, console) as progress,
-            closing(run_batches(study.engine, missing)) as batches,
+            ahead,
+            closing(run_batches(study.engine, missing, meanwhile)) as batches,
         ):
             for batch in batches:
                 rows = [_declared_row(row, missing, declared) for row in batch]
