@@ -126,7 +126,7 @@ class StoredRows:
                 for line in lines.splitlines(keepends=True):
                     self._note_parsed(parse_line(line))
                 continue
-            seconds = columns["seconds"].drop_null().to_numpy()
+            seconds = _numbers_in(columns["seconds"].drop_null().combine_chunks())
             self._seconds += math.fsum(seconds)
             self._n_timed += len(seconds)
             noted.append((_ids_in(columns["trial_id"]), _texts_in(columns["status"])))
@@ -329,7 +329,10 @@ def _blocks_of_lines(path: Path) -> Iterator[bytes]:
 
 
 def _parsed_states(lines: bytes) -> Any:
-    """The ids, statuses and seconds of the rows of some lines, as a table; None if any line needs a closer look."""
+    """The ids, statuses and seconds of the rows of some lines, as a table; None if any line needs a closer look.
+
+    Such as one with half a surrogate pair, which Python's parser of JSON takes for text and Arrow's for damage.
+    """
     import pyarrow
     from pyarrow import json as arrow_json
 
@@ -347,7 +350,7 @@ def _parsed_states(lines: bytes) -> Any:
     n_lines = lines.count(b"\n") + (not lines.endswith(b"\n"))
     if table.num_rows != n_lines or table["trial_id"].null_count or table["status"].null_count:
         return None
-    return None if b"\\ud" in lines.lower() else table
+    return table
 
 
 def _ids_in(column: Any) -> TrialIds:
@@ -366,7 +369,12 @@ def _ids_in(column: Any) -> TrialIds:
 def _texts_in(column: Any) -> list[str]:
     """The texts in a column of pyarrow, of which few are different."""
     encoded = column.combine_chunks().dictionary_encode()
-    return np.array(encoded.dictionary.to_pylist(), dtype=object)[encoded.indices.to_numpy()].tolist()
+    return np.array(encoded.dictionary.to_pylist(), dtype=object)[_numbers_in(encoded.indices)].tolist()
+
+
+def _numbers_in(array: Any) -> NDArray[Any]:
+    """The numbers in an array of pyarrow without missing ones; its own method would import pandas."""
+    return np.from_dlpack(array)
 
 
 def parse_rows(path: Path) -> Iterator[dict[str, Any] | None]:

@@ -160,6 +160,8 @@ def test_statuses_are_those_of_a_dict_whether_packed_or_not(monkeypatch):
         b"", b"\xff\xfe\n", b"[]\n", b"\n", b'{"trial_id": "a"}\n', b'{"trial_id": ["a"], "status": "ok"}\n',
         b'{"tri\n',
         b'{"trial_id": "n", "status": "ok", "level": NaN}\n', b'{"trial_id": "s", "status": "ok", "seconds": "x"}\n',
+        b'{"trial_id": "u", "status": "ok", "error": "\\ud83d"}\n',
+        b'{"trial_id": "v", "status": "ok", "error": "\\uDC00", "seconds": 3}\n',
         b'{"trial_id": "last", "status": "ok"}',
     ],
 )  # fmt: skip
@@ -174,3 +176,14 @@ def test_a_large_file_is_read_as_a_small_one_is(tmp_path, monkeypatch, damage):
     large = rows.StoredRows(tmp_path)
     assert list(large.status.items()) == list(small.status.items())
     assert (large.damaged, large.seconds) == (small.damaged, pytest.approx(small.seconds))
+
+
+def test_a_large_file_is_read_without_pandas_which_takes_longer_to_import(tmp_path):
+    with RowStore(tmp_path) as store:
+        store.add(*(row(f"{i:024x}", seconds=1.0) for i in range(9)))
+    code = (
+        "import sys; from studies.storage import rows; rows._LARGE = 0; "
+        f"print(len(rows.StoredRows({str(tmp_path)!r}).status), 'pyarrow' in sys.modules, 'pandas' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], env=os.environ, check=True, capture_output=True, text=True)
+    assert done.stdout == "9 True False\n"
