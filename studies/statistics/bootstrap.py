@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 RESAMPLES = 2000
+TOGETHER = 20  # resamples that are drawn at a time
 TAILS = (0.025, 0.975)  # quantiles of the resampled means
 NO_INTERVAL = (math.nan, math.nan)
 
@@ -86,10 +87,25 @@ def _nested(values: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
     for i, repeats in enumerate(values):
         padded[i, : len(repeats)] = repeats
     models = rng.integers(len(values), size=(RESAMPLES, len(values)))
+    if not np.isnan(padded).any():
+        return quantile_interval(_resampled_means(padded, models, rng))
     drawn = (rng.random((RESAMPLES, len(values), counts.max())) * counts[models][:, :, None]).astype(int)
     sample = padded[models[:, :, None], drawn]
     sample[np.arange(counts.max()) >= counts[models][:, :, None]] = np.nan
     return quantile_interval(np.nanmean(sample, axis=2).mean(axis=1))
+
+
+def _resampled_means(
+    values: NDArray[np.float64], models: NDArray[np.int64], rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """What `_nested` does with the means of drawn models, quicker, if all have the same number of values."""
+    n_repeats = values.shape[1]
+    means = np.empty(len(models))
+    for start in range(0, len(models), TOGETHER):  # few, which fit into the processor's cache
+        some = models[start : start + TOGETHER, :, None]
+        places = (rng.random((len(some), len(values), n_repeats)) * n_repeats).astype(np.intp) + n_repeats * some
+        means[start : start + TOGETHER] = values.ravel().take(places).mean(axis=2).mean(axis=1)
+    return means
 
 
 def interval_over_pairs(matrices: Sequence[NDArray[np.float64]]) -> tuple[float, float]:

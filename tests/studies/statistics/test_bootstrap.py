@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.statistics.bootstrap import _nested, interval_of_mean, interval_over_pairs, model_mean
+from studies.statistics.bootstrap import RESAMPLES, _nested, interval_of_mean, interval_over_pairs, model_mean
 
 
 def trials(values):
@@ -73,3 +73,13 @@ def test_one_value_per_model_gives_the_interval_that_scipy_gives(n):
     ).confidence_interval
     frame = pd.DataFrame({"model": [f"{i:02}" for i in range(n)], "value": values})
     assert interval_of_mean(frame, "value") == pytest.approx((found.low, found.high), rel=1e-14)
+
+
+@pytest.mark.parametrize(("n_models", "n_repeats"), [(3, 3), (41, 2), (1, 7)])
+def test_resampling_a_few_at_a_time_gives_the_interval_of_resampling_all_at_once_to_the_last_bit(n_models, n_repeats):
+    values = np.random.default_rng(n_models).normal(size=(n_models, n_repeats))
+    rng = np.random.default_rng(0)
+    models = rng.integers(n_models, size=(RESAMPLES, n_models))
+    repeats = (rng.random((RESAMPLES, n_models, n_repeats)) * n_repeats).astype(int)
+    means = values[models[:, :, None], repeats].mean(axis=2).mean(axis=1)
+    assert _nested(list(values)) == tuple(np.quantile(means, (0.025, 0.975)).tolist())
