@@ -5,9 +5,9 @@ starts it before it imports anything itself.
 """
 
 import multiprocessing
+import os
 import signal
 import sys
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing.context import BaseContext
@@ -17,6 +17,9 @@ from multiprocessing.context import BaseContext
 # any fork, and Windows has none.
 START_METHOD = "forkserver" if sys.platform == "linux" else "spawn"
 
+# The variable that tells the process that workers are forked from which process it is started for.
+HEAD = "STUDIES_HEAD_PROCESS"
+
 _SWEEP = ("-m", "--multirun")
 
 
@@ -24,11 +27,16 @@ def process_context() -> BaseContext:
     """The way in which worker processes are started; see `START_METHOD`."""
     context = multiprocessing.get_context(START_METHOD)
     if START_METHOD == "forkserver":
-        from multiprocessing import forkserver
+        from multiprocessing import forkserver, resource_tracker
 
         context.set_forkserver_preload(["studies.execution.preload"])
-        with _without_ctrl_c():
-            forkserver.ensure_running()
+        resource_tracker.ensure_running()  # or the next call would start it, which lets Ctrl-C in again
+        os.environ[HEAD] = str(os.getpid())
+        try:
+            with _ctrl_c_later():
+                forkserver.ensure_running()
+        finally:
+            del os.environ[HEAD]
     return context
 
 
@@ -59,15 +67,13 @@ def _needs_workers(arguments: Sequence[str]) -> bool:
 
 
 @contextmanager
-def _without_ctrl_c() -> Iterator[None]:
-    """Have a process that is started ignore Ctrl-C from its beginning: it would print where it was interrupted."""
-    before = signal.getsignal(signal.SIGINT)
-    # Only the main thread may change it, and only what Python has installed can be installed again.
-    if threading.current_thread() is not threading.main_thread() or before is None:
-        yield
-        return
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _ctrl_c_later() -> Iterator[None]:
+    """Have Ctrl-C wait for the end of the block, and in processes that it starts until they have said what it does.
+
+    Such a process would print where it was interrupted. `studies.execution.preload` has it ignore Ctrl-C.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -12,6 +12,8 @@ import os
 import signal
 from importlib import import_module
 
+from studies.execution.fork_server import HEAD
+
 NEEDED = (
     "studies.execution.schedule",
     "studies.experiments.change",
@@ -29,13 +31,15 @@ NEEDED = (
 )
 
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is left to the head process
+if hasattr(signal, "pthread_sigmask"):
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # which had it wait until here
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ[_variable] = "1"
 os.environ["MPLBACKEND"] = "Agg"  # workers show nothing
 gc.disable()  # what is imported is no garbage
-_parent = os.getppid()
+_head = os.environ.pop(HEAD, None)  # where workers are not forked, this is one of them, and it is not set
 for _module in NEEDED:
-    if os.getppid() != _parent:
+    if _head is not None and os.getppid() != int(_head):
         os._exit(0)
     with contextlib.suppress(Exception):  # this only saves time: a task that needs the module reports the error
         import_module(_module)

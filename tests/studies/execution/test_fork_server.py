@@ -4,14 +4,13 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import psutil
 import pytest
 
 from studies.execution import fork_server
-from studies.execution.fork_server import START_METHOD, _needs_workers
+from studies.execution.fork_server import HEAD, START_METHOD, _needs_workers
 from tests.studies.conftest import STUDY
 
 needs_fork = pytest.mark.skipif(START_METHOD != "forkserver", reason="workers are not forked")
@@ -46,36 +45,37 @@ def test_what_every_worker_imports_again_imports_no_library():
 
 
 @needs_fork
-def test_it_ignores_ctrl_c_from_its_beginning():
+def test_it_is_safe_from_ctrl_c_from_its_beginning_and_leaves_it_to_the_programs_of_workers():
     code = (
-        "from multiprocessing import forkserver; from pathlib import Path\n"
+        "import time; from multiprocessing import forkserver; from pathlib import Path\n"
         "from studies.execution.fork_server import process_context\n"
+        "def masks():\n"
+        "    status = Path(f'/proc/{forkserver._forkserver._forkserver_pid}/status').read_text()\n"
+        "    masks = dict(line.split(':') for line in status.splitlines())\n"
+        "    return [int(masks[name], 16) >> 1 & 1 for name in ('SigBlk', 'SigIgn')]\n"
         "process_context()\n"
-        "print(Path(f'/proc/{forkserver._forkserver._forkserver_pid}/status').read_text())"
+        "print(masks())\n"
+        "while not masks()[1]: time.sleep(0.01)\n"
+        "while masks()[0]: time.sleep(0.01)\n"
+        "print(masks())"
     )
-    done = subprocess.run([sys.executable, "-c", code], env=os.environ, capture_output=True, text=True, check=True)
-    (ignored,) = [line.split()[1] for line in done.stdout.splitlines() if line.startswith("SigIgn")]
-    assert int(ignored, 16) >> (signal.SIGINT - 1) & 1
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, env=os.environ, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "[1, 0]\n[0, 1]\n"
 
 
-def test_afterwards_ctrl_c_does_what_it_did():
-    before = signal.getsignal(signal.SIGINT)
-    with fork_server._without_ctrl_c():
-        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    assert signal.getsignal(signal.SIGINT) is before
+@needs_fork
+def test_ctrl_c_that_is_pressed_while_it_is_started_is_noticed_afterwards():
+    done = []
 
+    def start():
+        with fork_server._ctrl_c_later():
+            signal.raise_signal(signal.SIGINT)
+            done.append("started")
 
-def test_other_threads_leave_ctrl_c_as_it_is():
-    found = []
-
-    def note():
-        with fork_server._without_ctrl_c():
-            found.append(signal.getsignal(signal.SIGINT))
-
-    thread = threading.Thread(target=note)
-    thread.start()
-    thread.join()
-    assert found == [signal.getsignal(signal.SIGINT)]
+    with pytest.raises(KeyboardInterrupt):
+        start()
+    assert done == ["started"]
 
 
 @needs_fork
@@ -102,3 +102,11 @@ def of_session(session):
         except ProcessLookupError:
             continue
     return found
+
+
+@pytest.mark.parametrize(("is_head", "expected"), [(True, "all imported\n"), (False, "")])
+def test_it_imports_no_further_once_the_process_that_it_is_for_has_ended(is_head, expected):
+    environment = os.environ | {HEAD: str(os.getpid() if is_head else os.getppid())}
+    code = "import os, studies.execution.preload; print('all imported')"
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == expected
