@@ -32,7 +32,13 @@ def unportable(tree):
 
 
 # The kernel of Linux keeps the peak of memory; elsewhere it is sampled.
-ELSEWHERE_OTHERWISE = {"studies/execution/peak_memory.py": ["/proc/self/clear_refs", "/proc/self/status"]}
+ELSEWHERE_OTHERWISE = {
+    "studies/execution/fork_server.py": [
+        "signal.SIG_BLOCK", "signal.SIG_SETMASK", "signal.pthread_sigmask", "signal.pthread_sigmask",
+    ],
+    "studies/execution/peak_memory.py": ["/proc/self/clear_refs", "/proc/self/status"],
+    "studies/execution/preload.py": ["signal.SIG_UNBLOCK", "signal.pthread_sigmask"],
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import contextlib
 import gc
 import os
 import signal
+import sys
 from importlib import import_module
 
 from studies.execution.fork_server import HEAD
@@ -31,7 +32,7 @@ NEEDED = (
 )
 
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is left to the head process
-if hasattr(signal, "pthread_sigmask"):
+if sys.platform != "win32":
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # which had it wait until here
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ[_variable] = "1"
@@ -43,7 +44,17 @@ for _module in NEEDED:
         os._exit(0)
     with contextlib.suppress(Exception):  # this only saves time: a task that needs the module reports the error
         import_module(_module)
-with contextlib.suppress(Exception):  # nor is it a mistake here if there is nothing in numba's cache
-    import_module("studies.segmenters.heat_walk").HeatWalk.is_compiled()  # which loads it, for all workers at once
+
+
+def _refuse() -> None:
+    raise RuntimeError("it is not in numba's cache")
+
+
+with contextlib.suppress(Exception):  # nor is it a mistake here if it has to be compiled: a task does that
+    from heatwalk.numerics.compilation import announced
+    from heatwalk.segmentation import bent_torus, segment
+
+    with announced(_refuse):
+        segment(*bent_torus(), threads=1)  # loads what is compiled, for all workers at once
 gc.freeze()  # nor do workers look through it, which would copy it to each of them
 gc.enable()
