@@ -256,9 +256,7 @@ class Scores:
         by_method = dict(zip(self.complete, samples.T, strict=True))
         return by_method, dict(zip(self.complete, intervals(samples), strict=True))
 
-    def _difference(
-        self, name: str, mce: pd.Series, samples: Mapping[str, NDArray[np.float64]]
-    ) -> dict[str, float]:
+    def _difference(self, name: str, mce: pd.Series, samples: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
         """The difference of a method's mean corruption error from that of ``paired_with``, with its interval."""
         other = self.options.paired_with
         if other is None:

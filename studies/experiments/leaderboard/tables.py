@@ -110,7 +110,9 @@ def tables(scores: Scores, titles: Mapping[str, str]) -> list[Table]:
     titles : mapping of str to str
         of the parts
     """
-    board = Table("table", scores.board, _board_columns(scores), notes=" ".join([NOTES, *remarks(scores, titles)]), value="mce")
+    board = Table(
+        "table", scores.board, _board_columns(scores), notes=" ".join([NOTES, *remarks(scores, titles)]), value="mce"
+    )
     found = [board, _by_perturbation(scores, titles)]
     if scores.controls:
         found.append(_controls(scores, titles))
