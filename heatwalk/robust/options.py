@@ -66,7 +66,7 @@ class Options:
     average: bool = True
     octaves: float = 2.0
     choose_time: bool = True
-    octaves_before: float = 0.75
+    octaves_before: float = 1.0
     octaves_after: float = 3.0
     merge: bool = True
     persistence: float = 0.9
