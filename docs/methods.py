@@ -4,8 +4,10 @@ python docs/methods.py
 """
 
 from pathlib import Path
+from typing import Any
 
-import yaml
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
 
 import conf
 from studies.segmenters import Segmenter, make_segmenter
@@ -16,7 +18,10 @@ HEADER = ("`segmenter=`", "method", "source", "told the number", "random", "need
 
 def methods() -> dict[str, Segmenter]:
     """The shipped methods by name; those that need further options, as a program of yours does, are none."""
-    options = {file.stem: yaml.safe_load(file.read_text(encoding="utf-8")) for file in sorted(FOLDER.glob("*.yaml"))}
+    names = sorted(file.stem for file in FOLDER.glob("*.yaml"))
+    with initialize_config_module("conf", version_base="1.3"):
+        cfg = compose(overrides=[f"+segmenter@{name}={name}" for name in names])
+    options: dict[str, Any] = OmegaConf.to_container(cfg)  # type: ignore[assignment]
     return {name: make_segmenter(each) for name, each in options.items() if "???" not in each.values()}
 
 

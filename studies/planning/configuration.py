@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from studies.segmenters import Segmenter
 
 ALL = "all"  # of the methods in conf/segmenter
+LISTS = "methods"  # group of named lists of methods
 
 ON_ERROR = ("continue", "stop")
 
@@ -387,13 +388,14 @@ def _segmenters(cfg: DictConfig, overrides: Sequence[str]) -> tuple[Segmenter, .
     single = _options(cfg, "segmenter")
     if cfg.get("segmenters") is None and cfg.get("reference_segmenter") is None:
         return (make_segmenter(single),)
-    known = _known_segmenters(cfg.get("segmenters"), cfg.get("reference_segmenter"))
+    listed = _listed_segmenters(cfg.get("segmenters"))
+    known = _known_segmenters(listed, cfg.get("reference_segmenter"))
     reference = None
     if cfg.get("reference_segmenter") is not None:
         reference = make_segmenter(_options_of("reference_segmenter is", cfg.reference_segmenter, known))
     if cfg.get("segmenters") is None:
         return (make_segmenter(single, reference),)
-    names = _names_of_segmenters(cfg.segmenters, known)
+    names = _names_of_segmenters(listed, known)
     chosen = next((o.partition("=")[2] for o in reversed(overrides) if o.startswith("segmenter=")), "heat_walk")
     if any(o.lstrip("+").startswith("segmenter") and not o.startswith("segmenters") for o in overrides) and (
         chosen not in names
@@ -422,13 +424,27 @@ def _names_of_methods() -> list[str]:
     return GlobalHydra.instance().config_loader().get_group_options("segmenter")
 
 
+def _listed_segmenters(names: Any) -> Any:
+    """``segmenters`` as it was given, but with what is in the lists in conf/methods instead of their names."""
+    lists = GlobalHydra.instance().config_loader().get_group_options(LISTS)
+    entries = [names] if names in lists else names
+    if not isinstance(entries, list | ListConfig) or not any(isinstance(e, str) and e in lists for e in entries):
+        return names
+    return [
+        each
+        for entry in entries
+        for each in (compose(overrides=[f"+{LISTS}={entry}"]).segmenters if entry in lists else [entry])
+    ]
+
+
 def _names_of_segmenters(names: Any, known: Mapping[str, Mapping[str, Any]]) -> list[Any]:
     """The entries of ``segmenters``; "all" is every known method that needs no further options."""
     if names == ALL:
         names = [ALL]
     if not isinstance(names, list | ListConfig) or not names:
         raise StudyError(
-            f"segmenters is {names!r}: it must be a list, as in 'segmenters=[heat_walk,my_package.method]', or {ALL}"
+            f"segmenters is {names!r}: it must be a list, as in 'segmenters=[heat_walk,my_package.method]', or one of "
+            f"{', '.join([ALL, *GlobalHydra.instance().config_loader().get_group_options(LISTS)])}"
         )
     others = [name for name, options in known.items() if name not in names and REQUIRED not in options.values()]
     return [each for name in names for each in (others if name == ALL else [name])]

@@ -13,7 +13,7 @@ from studies.planning.titles import full_title
 from studies.reporting.publication import Publication
 from studies.reporting.results import CONFIG_FILE, Results
 from studies.reporting.sweeps import Sweep
-from studies.reporting.text import count_of, markdown_of, markdown_table
+from studies.reporting.text import count_of, in_words, markdown_of, markdown_table
 from studies.storage.folders import PUBLISHED_FILE, REPORT_FILE
 from studies.storage.identity import short_digest
 
@@ -145,7 +145,7 @@ def _study_lines(
         *([findings, ""] if findings else []),
         *markdown_of(study.main_table.shortened()),
         "",
-        *([f"![{heading}: {picture.stem.replace('_', ' ')}](<{folder}/{picture.name}>)", ""] if picture else []),
+        *([f"![{heading}: {in_words(picture.stem)}](<{folder}/{picture.name}>)", ""] if picture else []),
         "  \n".join(f"`{command}`" for command in (*study.earlier_commands, study.command) if command),
     ]
 

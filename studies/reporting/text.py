@@ -27,6 +27,17 @@ def count_of(number: int, noun: str, plural: str = "") -> str:
     return f"{number:,} {noun if number == 1 else plural or f'{noun}s'}"
 
 
+def in_words(stem: str) -> str:
+    """The name of a file without its suffix, as it is written in a heading.
+
+    Examples
+    --------
+    >>> in_words("heat_map"), in_words("figure12")
+    ('Heat map', 'Figure 12')
+    """
+    return re.sub(r"(?<=[a-z])(?=\d)", " ", stem.replace("_", " ")).capitalize()
+
+
 def plain_text(markdown: str) -> str:
     """Markdown of a single paragraph without its emphasis, and with the text of links alone.
 

@@ -55,7 +55,7 @@ def identity(record: Mapping[str, Any]) -> Options:
     declared = [name for kind in _DECLARED for name in declared_options(record, kind)]
     kept = _without(record, (*INCIDENTAL, *SELECTING, *declared))
     kept["dataset"] = _without(_with_defaults(record.get("dataset") or {}), SELECTING_IN_DATASET)
-    kept["experiment"] = _without(record.get("experiment") or {}, _SELECTING_IN_EXPERIMENT)
+    kept["experiment"] = _without(record.get("experiment") or {}, (*_SELECTING_IN_EXPERIMENT, *declared))
     if "segmenter" not in declared:
         kept["segmenter"] = _with_defaults(record.get("segmenter") or {})
     kept.update(_perturbation(kept))

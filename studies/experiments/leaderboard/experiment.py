@@ -100,6 +100,8 @@ class Leaderboard(Experiment):
         the parts that a method which measures along the surface cannot feel: reported on their own
     relative_to : str
         the method whose corruption errors are 1, by its name in the rows
+    paired_with : str, optional
+        a method, by its name in the rows, from whose mean corruption error the board has the differences of all others
     models_per_category : int, optional
         how many models of each category are run; None for all. Which ones depends on their names alone, and fewer are a
         part of more.
@@ -114,6 +116,7 @@ class Leaderboard(Experiment):
     perturbations: Sequence[str] | None = None
     controls: Sequence[str] = CONTROLS
     relative_to: str = "HeatWalk"
+    paired_with: str | None = None
     models_per_category: int | None = 2
     repeats: int = 1
     page: Mapping[str, Any] | Viewer | None = field(default_factory=lambda: Viewer(worst=1))
@@ -123,7 +126,7 @@ class Leaderboard(Experiment):
     notes: ClassVar[str] = tables.NOTES
     gathers: ClassVar[bool] = True
     selecting: ClassVar[tuple[str, ...]] = ("segmenters", "segmenter", "perturbations", "models_per_category")
-    presenting: ClassVar[tuple[str, ...]] = ("controls", "relative_to")
+    presenting: ClassVar[tuple[str, ...]] = ("controls", "relative_to", "paired_with")
     picture: ClassVar[str] = "scatter"
 
     def __post_init__(self) -> None:
@@ -172,7 +175,7 @@ class Leaderboard(Experiment):
     @property
     def options(self) -> Options:
         """The options that the scores depend on."""
-        return Options(ORIGINAL, tuple(self.controls), self.relative_to, tuple(self.parts or ()))
+        return Options(ORIGINAL, tuple(self.controls), self.relative_to, self.paired_with, tuple(self.parts or ()))
 
     def scores(self, rows: pd.DataFrame) -> Scores:
         """The scores of all methods, computed once for tables and charts of the same rows."""

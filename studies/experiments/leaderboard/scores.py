@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from perturb import PerturbationError
 from studies.experiments.leaderboard.cards import Card, cards_of
+from studies.statistics.bootstrap import NO_INTERVAL, quantile_interval
 from studies.statistics.paired import intervals, resampled_counts, resampled_mce, resampled_means
 from studies.statistics.ranks import pareto_front, shared_ranks
 from studies.statistics.severity import areas, cell_values, common_cells, corruption_errors, part_means
@@ -37,6 +38,8 @@ class Options:
         parts that do not count for the mean corruption error
     relative_to : str
         the method whose corruption errors are 1
+    paired_with : str, optional
+        the method from whose mean corruption error the differences are computed
     order : tuple of str
         parts in the order in which they are shown; others follow
     """
@@ -44,6 +47,7 @@ class Options:
     original: str = "original"
     controls: tuple[str, ...] = ()
     relative_to: str = "HeatWalk"
+    paired_with: str | None = None
     order: tuple[str, ...] = ()
 
 
@@ -207,6 +211,7 @@ class Scores:
                 "mce": mce[name],
                 "mce_low": mce_bounds.get(name, (np.nan, np.nan))[0],
                 "mce_high": mce_bounds.get(name, (np.nan, np.nan))[1],
+                **self._difference(name, mce, mce_samples),
                 "rank_of_kind": within.get(name),
                 "mean_cp": self.mean_change.loc[name, self.counting].mean(),
                 "control_cp": self.mean_change.loc[name, self.controls].mean() if self.controls else np.nan,
@@ -250,6 +255,20 @@ class Scores:
         samples = resampled_mce(sums, sums[self.complete.index(reference)], resampled_counts(sums.shape[2]))
         by_method = dict(zip(self.complete, samples.T, strict=True))
         return by_method, dict(zip(self.complete, intervals(samples), strict=True))
+
+    def _difference(self, name: str, mce: pd.Series, samples: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
+        """The difference of a method's mean corruption error from that of ``paired_with``, with its interval."""
+        other = self.options.paired_with
+        if other is None:
+            return {}
+        paired = name != other and name in samples and other in samples
+        low, high = quantile_interval(samples[name] - samples[other]) if paired else NO_INTERVAL
+        known = name != other and other in self.methods
+        return {
+            "difference": mce[name] - mce[other] if known else np.nan,
+            "difference_low": low,
+            "difference_high": high,
+        }
 
     def _ranks(
         self, mce: pd.Series, samples: dict[str, NDArray[np.float64]], methods: Sequence[str] | None = None

@@ -110,11 +110,27 @@ def tables(scores: Scores, titles: Mapping[str, str]) -> list[Table]:
     titles : mapping of str to str
         of the parts
     """
-    board = Table("table", scores.board, _BOARD, notes=" ".join([NOTES, *remarks(scores, titles)]), value="mce")
+    board = Table(
+        "table", scores.board, _board_columns(scores), notes=" ".join([NOTES, *remarks(scores, titles)]), value="mce"
+    )
     found = [board, _by_perturbation(scores, titles)]
     if scores.controls:
         found.append(_controls(scores, titles))
     return [*found, _methods(scores)]
+
+
+def _board_columns(scores: Scores) -> tuple[Column, ...]:
+    """The columns of the board, with the differences after mCE if there is a method that they are from."""
+    other = scores.options.paired_with
+    if other is None:
+        return _BOARD
+    title = scores.cards[other].title if other in scores.cards else other
+    difference = Column(
+        name="difference", format="+.2f", lower_is_better=True, bounds=("difference_low", "difference_high"),
+        help=f"mCE minus that of {title}, with the 95 % interval of the difference: of the same models in both.",
+    )  # fmt: skip
+    after = next(i for i, column in enumerate(_BOARD) if column.name == "mce") + 1
+    return (*_BOARD[:after], difference, *_BOARD[after:])
 
 
 def remarks(scores: Scores, titles: Mapping[str, str]) -> list[str]:

@@ -26,7 +26,7 @@ from studies.reporting.html.page import (
 )
 from studies.reporting.html.svg import Mark, drawings
 from studies.reporting.sweeps import Sweep
-from studies.reporting.text import count_of, plain_text
+from studies.reporting.text import count_of, in_words, plain_text
 from studies.storage.folders import planned_ids
 from studies.storage.records import PROVENANCE_FILE, read_provenance
 
@@ -178,7 +178,7 @@ def _charts(results: Results, charts: Mapping[str, Chart], numbers: Mapping[str,
     blocks = []
     for stem, chart in charts.items():
         marks = _marks(results, numbers) if stem == results.name else {}
-        heading = "By level" if marks else "Chart" if stem == results.name else stem.replace("_", " ").capitalize()
+        heading = "By level" if marks else "Chart" if stem == results.name else in_words(stem)
         notes = chart.subtitle
         if marks:
             points = "points: single trials" if _are_single(results.rows) else "points: means of each model"
@@ -358,7 +358,7 @@ def _pictures(results: Results, charts: Mapping[str, Chart]) -> list[PictureBloc
     """The pictures of surfaces that a study without a viewer of its own has."""
     skipped = {*charts, GALLERY} if results.experiment.has_scenes else {*charts}
     return [
-        PictureBlock.of(path, path.stem.replace("_", " ").capitalize())
+        PictureBlock.of(path, in_words(path.stem))
         for path in sorted(results.folder.glob("*.png"))
         if path.stem not in skipped and not path.name.startswith(Sweep.PREFIX)
     ]

@@ -51,9 +51,18 @@ def test_options_of_the_chosen_method_hold_among_all(configured):
     assert "HeatWalk" not in names
 
 
+def test_a_list_in_the_configuration_is_the_methods_in_it(configured):
+    listed = yaml.safe_load((FILES[0].parents[1] / "methods" / "ablation.yaml").read_text(encoding="utf-8"))
+    names = [each.name for each in segmenters(configured, ("segmenters=ablation",))]
+    assert names[:2] == ["HeatWalk", "HeatWalkRobust"]
+    assert len(names) == len(listed["segmenters"])
+    among = [each.name for each in segmenters(configured, ("segmenters=[voronoi,ablation]",))]
+    assert among == ["Voronoi", *names]
+
+
 @pytest.mark.parametrize("value", ["some", "[]", "5"])
 def test_what_is_neither_a_list_nor_all_is_refused(configured, value):
-    with pytest.raises(StudyError, match=r"^segmenters is .*: it must be a list, .* or all$"):
+    with pytest.raises(StudyError, match=r"^segmenters is .*: it must be a list, .* or one of all, ablation$"):
         segmenters(configured, (f"segmenters={value}",))
 
 

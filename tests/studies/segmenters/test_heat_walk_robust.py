@@ -10,7 +10,7 @@ import heatwalk
 from heatwalk.numerics.threads import number_of_threads
 from heatwalk.spectrum import SpectrumSolver
 from studies.segmenters import HeatWalk, SegmenterError, make_segmenter
-from studies.segmenters.heat_walk_robust import PARTS, HeatWalkRobust
+from studies.segmenters.heat_walk_robust import PARTS, HeatWalkParts, HeatWalkRobust
 from studies.testing import check_segmenter
 from tests.helpers.meshes import bundled
 
@@ -61,13 +61,22 @@ def test_its_configuration_lists_every_option_with_its_default():
     )
 
 
+def test_with_parts_it_is_the_robust_variant_with_both_switches(ant):
+    options = yaml.safe_load((FOLDER / "segmenter" / "heat_walk_parts.yaml").read_text())
+    del options["defaults"]
+    parts = make_segmenter(options)
+    assert parts.name == HeatWalkParts().name == "HeatWalkParts"
+    assert np.array_equal(HeatWalkParts()(*ant), HeatWalkRobust(refine=True, hierarchy=True)(*ant))
+    assert not np.array_equal(HeatWalkParts()(*ant), HeatWalkRobust()(*ant))
+
+
 def test_an_invalid_option_is_refused_by_its_name():
     with pytest.raises(SegmenterError, match=r"segmenter\.persistence is 2: it must be above 0 and at most 1"):
         make_segmenter({"_target_": "studies.segmenters.heat_walk_robust.HeatWalkRobust", "persistence": 2})
 
 
 def test_the_ablation_has_each_part_alone_all_but_each_and_what_is_off_otherwise():
-    entries = yaml.safe_load((FOLDER / "study" / "ablation.yaml").read_text())["segmenters"]
+    entries = yaml.safe_load((FOLDER / "methods" / "ablation.yaml").read_text())["segmenters"]
     assert entries[:2] == ["heat_walk", "heat_walk_robust"]
     methods = [HeatWalkRobust(**{k: v for k, v in entry.items() if k != "_target_"}) for entry in entries[2:]]
     whole, nothing = HeatWalkRobust(), HeatWalkRobust(**OFF)

@@ -160,23 +160,47 @@ def test_with_one_model_there_are_no_intervals_and_every_difference_counts():
     assert scores.board["rank"].tolist() == [1, 2]
 
 
-def test_the_interval_of_the_mean_corruption_error_is_that_of_resampled_models():
-    parts, n_models = ("holes", "noise", "view"), 4
-    rows = drawn(["HeatWalk", "cuts", "walks"], parts, n_models, seed=3)
+PARTS, N_MODELS = ("holes", "noise", "view"), 4
+
+
+@pytest.fixture
+def three_methods():
+    """Random rows, and a function: method -> its mean corruption error in every resample, by brute force."""
+    rows = drawn(["HeatWalk", "cuts", "walks"], PARTS, N_MODELS, seed=3)
     rows = rows[(rows["part"] != "view") & (rows["part"] != "original")]
     totals = rows.assign(value=rows["change_percentage"].fillna(200.0)).groupby(["segmenter", "part", "model"])["value"]
     sums = totals.sum().to_dict()
-    samples = []
-    for count in resampled_counts(n_models):
-        errors = []
-        for part in ("holes", "noise"):
-            ours, standard = (
-                sum(times * sums[name, part, f"m{i}"] for i, times in enumerate(count)) for name in ("cuts", "HeatWalk")
-            )
-            errors.append(ours / standard)
-        samples.append(np.mean(errors))
+
+    def resampled(method):
+        samples = []
+        for count in resampled_counts(N_MODELS):
+            errors = []
+            for part in ("holes", "noise"):
+                ours, standard = (
+                    sum(times * sums[name, part, f"m{i}"] for i, times in enumerate(count))
+                    for name in (method, "HeatWalk")
+                )
+                errors.append(ours / standard)
+            samples.append(np.mean(errors))
+        return np.array(samples)
+
+    return rows, resampled
+
+
+def test_the_interval_of_the_mean_corruption_error_is_that_of_resampled_models(three_methods):
+    rows, resampled = three_methods
     cuts = board_of(rows).loc["cuts"]
-    assert [cuts["mce_low"], cuts["mce_high"]] == pytest.approx(np.quantile(samples, [0.025, 0.975]).tolist())
+    assert [cuts["mce_low"], cuts["mce_high"]] == pytest.approx(np.quantile(resampled("cuts"), [0.025, 0.975]).tolist())
+
+
+def test_differences_are_those_of_the_same_models_in_both_methods(three_methods):
+    rows, resampled = three_methods
+    board = board_of(rows, Options(controls=("rotation",), paired_with="walks"))
+    expected = np.quantile(resampled("cuts") - resampled("walks"), [0.025, 0.975])
+    assert board.loc["cuts", "difference"] == pytest.approx(board.loc["cuts", "mce"] - board.loc["walks", "mce"])
+    assert board.loc["cuts", ["difference_low", "difference_high"]].tolist() == pytest.approx(expected.tolist())
+    assert board.loc["walks", ["difference", "difference_low", "difference_high"]].isna().all()
+    assert "difference" not in board_of(rows)
 
 
 def test_the_order_of_rows_changes_no_score():
