@@ -1,9 +1,11 @@
 """The Princeton benchmark and TOSCA for the tests, where they are at hand."""
 
 import gc
+import importlib.util
 import os
 import shutil
 import signal
+import sys
 import tempfile
 import zipfile
 
@@ -29,12 +31,16 @@ gc.set_threshold(20_000, 10, 10)  # what is imported and collected is no garbage
 
 
 def pytest_configure(config):
-    """A cache of computed meshes for this run alone, and one BLAS thread per process of pytest-xdist.
+    """Caches of meshes and of bytecode for this run alone, and one BLAS thread per process of pytest-xdist.
 
     The waiting threads of several processes would spin.
     """
     if not hasattr(config, "workerinput"):
-        config.mesh_cache = os.environ[FOLDER_VARIABLE] = tempfile.mkdtemp(prefix="meshes-")
+        config.caches = os.environ[FOLDER_VARIABLE] = tempfile.mkdtemp(prefix="caches-")
+        if sys.dont_write_bytecode and not os.path.exists(importlib.util.cache_from_source(np.__file__)):
+            # Neither the installation nor Python has compiled the packages: each process would, for several seconds.
+            os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # python -B sets none
+            os.environ["PYTHONPYCACHEPREFIX"] = os.path.join(config.caches, "bytecode")
     if "PYTEST_XDIST_WORKER" in os.environ:
         for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
             os.environ.setdefault(variable, "1")  # of libraries that are loaded later, and of child processes
@@ -77,9 +83,9 @@ def pytest_sessionstart(session):
 
 
 def pytest_unconfigure(config):
-    """The cache ends with the run."""
-    if hasattr(config, "mesh_cache"):
-        shutil.rmtree(config.mesh_cache, ignore_errors=True)
+    """The caches end with the run."""
+    if hasattr(config, "caches"):
+        shutil.rmtree(config.caches, ignore_errors=True)
     gc.freeze()  # or Python, before it ends, looks for garbage among all that was imported
 
 

@@ -69,6 +69,8 @@ def _read_part(data: bytes, n_before: int) -> tuple[NDArray[np.float64], Polygon
     first, second = octets[begins], octets[np.minimum(begins + 1, len(octets) - 1)]
     if np.isin(first, _BLANKS).any() or ((first == ord("f")) & (second == ord("o"))).any():
         return None
+    if (((first == ord("v")) | (first == ord("f"))) & (second == ord("\\"))).any():  # continued after the keyword
+        return None
     has_blank = (second == ord(" ")) | (second == ord("\t"))
     is_vertex, is_face = has_blank & (first == ord("v")), has_blank & (first == ord("f"))
     vertices: NDArray[np.float64] | None = np.empty((0, 3))

@@ -37,6 +37,7 @@ _WORDS = [b"facet", b"normal", b"", b"", b"", b"outer", b"loop", *_VERTEX, *_VER
 _KEYWORDS = [(place, word) for place, word in enumerate(_WORDS) if word]
 _RUNS = [8, 11, 12, 15, 16, 19]
 _LAST_WORD = _WORDS[-1]
+_CONTROL = bytes(set(range(ord(" "))) - set(b"\t\n\v\f\r"))  # characters that are neither printed nor space
 _PART = 2_000_000  # bytes of a file that are read at a time
 _MARGIN = 10_000  # more than any facet, or what is around all facets, has as a rule
 
@@ -124,6 +125,8 @@ def _end_of_last_facet(text: bytes, begin: int, end: int) -> int | None:
 
 def _coordinates(facets: bytes) -> NDArray[np.float64] | None:
     """The coordinates of the corners of facets that have all of `_WORDS`; None unless there is nothing else."""
+    if len(facets.translate(None, _CONTROL)) < len(facets):
+        return None
     octets = np.frombuffer(facets, np.uint8)
     is_space = np.append(True, octets <= ord(" "))
     words = np.flatnonzero(is_space[:-1] > is_space[1:])

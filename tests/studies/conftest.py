@@ -76,6 +76,14 @@ def charts_as_text(monkeypatch):
 
 
 @pytest.fixture(scope="session", autouse=True)
+def wait_for_no_disk():
+    """Files are not forced to the disk, which takes milliseconds each: only a loss of power would show a difference."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(os, "fsync", os.fstat)  # which refuses the same descriptors
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def read_configurations_once():
     """Composing a configuration takes most of the time of a command that has little to do."""
     with files_read_once():

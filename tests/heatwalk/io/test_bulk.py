@@ -5,7 +5,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from heatwalk.io import numbers, obj, off, stl, vtk_legacy
@@ -168,6 +168,7 @@ def changed(data, changes):
 
 @settings(max_examples=200, deadline=None)
 @given(name=st.sampled_from([*USUAL_OBJ]), changes=mutations)
+@example(name="plain", changes=[(0.5, 2, b""), (0.5, 4, b"\\\n")])  # a keyword that is continued: "v", "\\"
 def test_what_is_unusual_in_an_obj_file_is_left_to_the_careful_reader(name, changes):
     data = changed(USUAL_OBJ[name], changes)
     with mock.patch.object(obj, "_PART", 150):
@@ -204,6 +205,7 @@ def test_stl_files_as_programs_write_them_are_read_in_bulk_in_parts_of_any_size(
 
 @settings(max_examples=200, deadline=None)
 @given(name=st.sampled_from([*USUAL_STL]), changes=mutations)
+@example(name="plain", changes=[(0.625, 0, b"\0")])  # between two facets
 def test_what_is_unusual_in_an_stl_file_is_left_to_the_careful_reader(name, changes):
     text = changed(USUAL_STL[name], changes)
     with mock.patch.object(stl, "_PART", 600):
