@@ -182,6 +182,7 @@ def typed(folder, *words):
 
     def command():
         Hydra.get_mode = lambda *_, **__: None  # it composes everything to read hydra.mode, which nobody types here
+        main.__globals__["start_for_command"] = lambda _: None  # see `in_fork`
         main()
 
     read_ahead(*(word for word in words if word.partition("=")[0] in CHOICES and "," not in word))
