@@ -29,8 +29,7 @@ class Options:
     choose_time : bool
         look for the time at which the number of regions is most stable
     octaves_before, octaves_after : float, >= 0
-        how far before and after the given time to look: not as far before it, as short times count small bumps and
-        joints, which come and go when the shape changes
+        how far before and after the given time to look
     merge : bool
         join two regions if the capacity between them is nearly that within the one of lower peak
     persistence : float in (0, 1]
@@ -66,7 +65,7 @@ class Options:
     average: bool = True
     octaves: float = 2.0
     choose_time: bool = True
-    octaves_before: float = 1.0
+    octaves_before: float = 1.5
     octaves_after: float = 3.0
     merge: bool = True
     persistence: float = 0.9
