@@ -54,6 +54,8 @@ class HeatWalkRobust(HeatWalk):
     >>> off = dict.fromkeys(PARTS, False)
     >>> HeatWalkRobust(**off | {"merge": True}).name
     'HeatWalkRobust (merge only)'
+    >>> HeatWalkRobust(**off).name, HeatWalkRobust(**off, density="vertices").name
+    ('HeatWalkRobust (density only)', 'HeatWalkRobust (nothing only, density=vertices)')
     """
 
     density: str = "area"
@@ -92,7 +94,8 @@ class HeatWalkRobust(HeatWalk):
         """The name with the parts that are used, unless all are, and further options that are not the default."""
         on = [called for switch, called in PARTS.items() if getattr(self, switch)]
         off = [called for switch, called in PARTS.items() if not getattr(self, switch)]
-        parts = f"without {', '.join(off)}" if len(on) >= len(off) else f"{', '.join(on) or 'nothing'} only"
+        alone = on or ["density" if self.density == HeatWalkRobust.density else "nothing"]
+        parts = f"without {', '.join(off)}" if len(on) >= len(off) else f"{', '.join(alone)} only"
         others = [
             f"{field.name}={getattr(self, field.name)}"
             for field in dataclasses.fields(self)
