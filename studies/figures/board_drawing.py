@@ -252,7 +252,7 @@ def _cost(
     covered = sum(place.overlap(other) for other in taken)
     distance = place.distance(point)
     nearer = sum(place.distance(other) < distance + NEARER for other in others)
-    return 100 * covered + 50 * outside + distance + nearer
+    return 400 * covered + 50 * outside + distance + nearer
 
 
 def _draw_grid(chart: Chart, panels: Sequence[Panel]) -> Figure:
