@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from studies.columns import MISSING, is_missing
+from studies.experiments.leaderboard.cards import names_in_charts
 from studies.figures.charts import (
     CHANGE,
     WIDE_RANGE,
@@ -66,7 +67,7 @@ def heat_map(scores: Scores, titles: Mapping[str, str], title: str) -> Chart:
     )
     matrix = Matrix(
         rows=tuple(titles[part] for part in parts),
-        columns=tuple(scores.cards[method].label for method in methods),
+        columns=tuple(map(names_in_charts(scores.cards).__getitem__, methods)),
         values=values,
         marked=marked,
         first_apart=len(scores.counting),
@@ -87,10 +88,11 @@ def scatter(scores: Scores, title: str) -> Chart:
         "baseline": board["baseline"] == "yes",
     }
     roles = ("method", "told", "baseline")
+    named = names_in_charts(scores.cards, mark=False)
     points = tuple(
         Points(
             label=label,
-            names=tuple(scores.cards[name].title for name in board.loc[chosen, "segmenter"]),
+            names=tuple(named[name] for name in board.loc[chosen, "segmenter"]),
             x=tuple(board.loc[chosen, "rand_original"].astype(float)),
             y=tuple(board.loc[chosen, "mce"].astype(float)),
             role=role,
@@ -112,9 +114,8 @@ def ranks(scores: Scores, title: str) -> Chart:
     """Mean corruption error, and Rand Index error on the variants, with their intervals; baselines are left out."""
     board = scores.board[scores.board["mce"].notna()]
     board = board[board["baseline"] == ""] if (board["baseline"] == "").any() else board
-    names = tuple(
-        _ranked(rank, scores.cards[name].label) for rank, name in zip(board["rank"], board["segmenter"], strict=True)
-    )
+    named = names_in_charts(scores.cards)
+    names = tuple(_ranked(rank, named[name]) for rank, name in zip(board["rank"], board["segmenter"], strict=True))
     panels = [_dots("mean corruption error", names, board["mce"], board["mce_low"], board["mce_high"])]
     if not board["rand_perturbed"].isna().all():
         bounds = [scores.accuracy_intervals.get(name, (math.nan, math.nan)) for name in board["segmenter"]]
@@ -129,6 +130,7 @@ def curves(scores: Scores, parts: Mapping[str, Part], titles: Mapping[str, str],
     """Mean Change Percentage by strength, in the order of the study: a panel per perturbation, a line per method."""
     means = scores.change.T.groupby(level=[0, 1], sort=False).mean().T
     order = list(scores.board["segmenter"])
+    named = names_in_charts(scores.cards)
     panels = []
     for i, part in enumerate(scores.parts):
         of_part = means[part]
@@ -144,7 +146,7 @@ def curves(scores: Scores, parts: Mapping[str, Part], titles: Mapping[str, str],
                 title=titles[part],
                 series=tuple(
                     Series(
-                        scores.cards[method].label, strengths, tuple(map(_number, of_part.loc[method])),
+                        named[method], strengths, tuple(map(_number, of_part.loc[method])),
                         group=scores.methods.index(method),
                     )
                     for method in order

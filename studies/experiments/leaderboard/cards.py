@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -82,6 +84,32 @@ def cards_of(rows: pd.DataFrame) -> dict[str, Card]:
         told = TOLD in options
         plain = {key: value for key, value in options.items() if key != TOLD}
         found[str(name)] = Card(str(name), _about(target, str(name)), told, target, _last(group, "version"), plain)
+    return found
+
+
+def names_in_charts(cards: Mapping[str, Card], mark: bool = True) -> dict[str, str]:
+    """What methods are called where there is little room: variants of what most of them are by their options alone.
+
+    Parameters
+    ----------
+    cards : mapping of str to Card
+    mark : bool
+        whether methods that are told the number of segments are marked
+
+    Examples
+    --------
+    >>> names = ("HeatWalk", "HeatWalkRobust", "HeatWalkRobust (without merge)")
+    >>> cards = {name: Card(name, About(title=name.partition(" ")[0])) for name in names}
+    >>> list(names_in_charts(cards).values())
+    ['HeatWalk', 'HeatWalkRobust', 'without merge']
+    """
+    titles = Counter(card.about.title for card in cards.values())
+    found = {}
+    for name, card in cards.items():
+        options = card.name.partition(" (")[2].removesuffix(")")
+        is_variant = options and titles[card.about.title] > max(1, len(cards) / 2)
+        words = options if is_variant else card.title
+        found[name] = f"{words} {TOLD_MARK}" if card.told and mark else words
     return found
 
 
