@@ -136,6 +136,7 @@ def here(tmp_path, monkeypatch):
     """The current folder, empty but for the ant."""
     (tmp_path / "ant.off").write_text(ant())
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # see `own_modules`
     return tmp_path
 
 
@@ -143,6 +144,8 @@ def here(tmp_path, monkeypatch):
 def own_modules(tmp_path, monkeypatch):
     """A folder for modules of the user's own, which this process forgets after the test, with what they registered."""
     monkeypatch.setattr(sys, "path", list(sys.path))
+    # A module that a test writes again, as long as before and within a second, would be taken for the compiled one.
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.setattr(perturbation, "_REGISTRY", dict(perturbation._REGISTRY))
     yield tmp_path
     for name, module in list(sys.modules.items()):
