@@ -8,7 +8,6 @@ import pytest
 import yaml
 
 import perturb.testing
-from studies.metrics.change_percentage import change_percentage
 from studies.segmenters import make_segmenter
 from studies.testing import check_segmenter, example_meshes
 from tests.helpers.parts import agreement, chain, star
@@ -89,16 +88,15 @@ def test_balls_joined_by_necks_are_segments(method):
     assert len(np.unique(labels)) == 3
 
 
-def test_segments_move_with_the_mesh(method):
+def test_segments_move_with_the_mesh(method, monkeypatch):
+    # The mesh as it is seeds the random numbers, and others may lead to another optimum: the same ones for both.
+    monkeypatch.setattr("studies.segmenters._random.random_generator", lambda *_: np.random.default_rng(0))
     vertices, faces, _ = star(3)
     rotation = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     rotation *= np.sign(np.linalg.det(rotation))
     before = labels_of(method, vertices, faces, 5)
     after = labels_of(method, 700 * vertices @ rotation.T + [3, -200, 40], faces, 5)
-    if method.about.seeded:  # by the mesh as it is: other random numbers can lead to another optimum next to it
-        assert change_percentage(before, after) < 10
-    else:
-        assert is_same_partition(before, after)
+    assert is_same_partition(before, after)
 
 
 def test_it_keeps_to_the_contract(method):
