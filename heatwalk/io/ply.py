@@ -137,7 +137,7 @@ def _read_header(data: bytes) -> _Header:
         end = data.find(line_end, at)
         line = data[at : end if end >= 0 else None]
         at = end + len(line_end)
-        words = line[:1000].decode("utf-8", errors="replace").split()
+        words = [_printable(word) for word in line[:1000].decode("utf-8", errors="replace").split()]
         if words[:1] == ["end_header"]:
             break
         if end < 0:
@@ -151,6 +151,11 @@ def _read_header(data: bytes) -> _Header:
     if order is None:
         raise MeshError("the header has no line 'format': the file is damaged, or not a PLY file")
     return _Header(order, elements, at if end >= 0 else len(data))
+
+
+def _printable(word: str) -> str:
+    """A word that messages and notes may contain as it is."""
+    return word if word.isprintable() else repr(word)[1:-1]
 
 
 def _read_declaration(words: Sequence[str], number: int, elements: list[_Element]) -> None:

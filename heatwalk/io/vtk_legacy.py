@@ -92,7 +92,7 @@ class _File:
                 kind = self._word().upper()
                 known = ("POLYDATA", "UNSTRUCTURED_GRID", "STRUCTURED_GRID", "STRUCTURED_POINTS", "RECTILINEAR_GRID")
                 if kind not in known:
-                    raise MeshError(f"contains a data set of the kind {kind}; read are {', '.join(known)}")
+                    raise MeshError(f"contains a data set of the kind {kind!r}; read are {', '.join(known)}")
             case "POINTS":
                 self._points = self._values(3 * self._count(), self._type(), keyword).reshape(-1, 3)
             case "CELLS" | "VERTICES" | "LINES" | "POLYGONS" | "TRIANGLE_STRIPS":

@@ -132,6 +132,7 @@ def test_ply_files_are_read_however_they_are_laid_out(tmp_path, data):
         (PLY_TEXT.replace(b"ascii", b"text"), "line 2: unknown format 'text'; PLY has ascii, .*"),
         (PLY_TEXT.replace(b"uchar int vertex_indices", b"uchar int strips"), "the header must declare one list of .*"),
         (PLY_TEXT.replace(b"double z", b"double depth"), "the header declares vertices without .* x, y and z"),
+        (PLY_TEXT.replace(b"element face", b"element fa\x00ce"), r".* declares vertex, fa\\x00ce: a point cloud .*"),
         (PLY_TEXT.replace(b"list uchar", b"list float"), "line 9: the number of values of the list .* as float"),
         (PLY_TEXT.replace(b"comment", b"remark"), "line 3: 'remark made by a test' does not belong in the header .*"),
         (

@@ -175,7 +175,8 @@ BROKEN = {
     "number": (QUADS.replace("0.0 0.0 1.0", "0.0 zero 1.0"), "POINTS declares 24 values but contains"),
     "fraction": (QUADS.replace("4 0 2 3 1", "4 0 2.5 3 1"), "CELLS contains a number that is not an integer"),
     "more": (QUADS.replace("POINTS 8", "POINTS 7"), "POINTS declares 21 values but contains 24"),
-    "kind": (QUADS.replace("UNSTRUCTURED_GRID", "TREE"), "a data set of the kind TREE"),
+    "kind": (QUADS.replace("UNSTRUCTURED_GRID", "TREE"), "a data set of the kind 'TREE'"),
+    "unprintable kind": (QUADS.replace("UNSTRUCTURED_GRID", "TR\x07EE"), r"a data set of the kind 'TR\x07EE'"),
     "XML": ("<VTKFile>", "not a legacy VTK file"),
 }
 
