@@ -262,11 +262,16 @@ class Poses(Experiment):
         return [Table("table", frame_of(records), columns, notes=self.notes)]
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
-        """A matrix of pairs per shape, and per segmenter if there are several."""
+        """A matrix of pairs per shape, and per segmenter if there are several; the means of more than a few."""
         from studies.figures import charts
 
         keys = by_segmenter(rows)
         groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
+        if len(groups) > charts.MOST_METHODS:
+            shapes = {str(shape): of_shape for shape, of_shape in tables["table"].frame.groupby("shape", sort=False)}
+            means = {f"{shape} (%)": shapes[shape] for shape in sorted(shapes, key=lambda shape: shape != ALL_SHAPES)}
+            subtitle = "mean Change Percentage between all pairs of poses, 95 % interval; lower is better"
+            return {study: charts.method_means(means, title, subtitle)}
         changes = {(shape, *key): matrix for key, group in groups for shape, matrix in pair_matrices(group).items()}
         return {study: charts.pair_matrices(changes, title)}
 

@@ -353,10 +353,21 @@ class Times(Experiment):
             }
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
-        """The number of segments over time, and how much it varies within the intervals."""
+        """The number of segments over time and how much it varies within intervals; of many methods, the shares."""
         from studies.figures import charts
 
-        return {study: charts.segment_counts(rows[rows["status"] == "ok"], self._pairs(), title)}
+        if rows["segmenter"].nunique() <= charts.MOST_METHODS:
+            return {study: charts.segment_counts(rows[rows["status"] == "ok"], self._pairs(), title)}
+        table = tables["table"]
+        first = table.frame[table.frame["counted"] == table.frame["counted"].iloc[0]]
+        label = table.published.label if table.published else ""
+        shown = {"unchanged": "mean", table.published.column if table.published else "": "published"}
+        means = {
+            f"times {low:g} to {high:g}": first[(first["low"] == low) & (first["high"] == high)].rename(columns=shown)
+            for low, high in self._pairs()
+        }
+        subtitle = f"{_HELP_OF_CRITERION[self.criterion].removesuffix('.')} (%), 95 % interval; higher is better"
+        return {study: charts.method_means(means, title, subtitle, label)}
 
     def pictures(
         self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels

@@ -16,13 +16,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from studies.columns import AUTHORS, COMPUTED, Column, Table
-from studies.reporting.text import count_of
+from studies.reporting.text import count_of, options_of_variants
 
 if TYPE_CHECKING:
     import pandas as pd
 
 MOST_MODEL_LINES = 10  # models that are drawn as a line each; quartiles are drawn for more models
 MOST_HEAT_MAPS_PER_ROW = 4
+MOST_METHODS = 4  # whose curves or matrices can be told apart in a chart; of more, means are shown
+MOST_PANELS_OF_MEANS = 5
 FEWEST_ROUND_VALUES = 3  # which label an axis well; with fewer, every value is labelled
 NARROW_PANEL = 0.45  # relative width of a panel with a single level
 WIDE_RANGE = 8  # largest over smallest value of an option from which on its axis is logarithmic
@@ -656,6 +658,46 @@ def pair_matrices(changes: Mapping[Any, pd.DataFrame], title: str) -> Chart:
     return Chart(title, heat_maps, per_row=math.ceil(len(shapes) / max(n_rows, 1)))
 
 
+def method_means(means: Mapping[str, pd.DataFrame], title: str, subtitle: str = "", published: str = "") -> Chart:
+    """The means of each method with their intervals, a panel for each quantity; for more methods than curves show.
+
+    Parameters
+    ----------
+    means : mapping of str to DataFrame
+        what a panel shows, with its unit -> the columns segmenter, mean, ci_low and ci_high, and optionally published
+    title, subtitle : str
+        above the chart
+    published : str
+        whose the published values are, for the legend
+
+    Returns
+    -------
+    Chart
+        at most ``MOST_PANELS_OF_MEANS`` panels, the first ones, whose rows are the methods, in their order
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> frame = pd.DataFrame({"segmenter": ["A", "B"], "mean": [3.0, 9.0], "ci_low": [2.0, 7.0], "ci_high": [4.0, 9.5]})
+    >>> (panel,) = method_means({"all shapes": frame}, "Poses").panels
+    >>> panel.x.label, panel.y.categories, panel.dots[0].values
+    ('all shapes', ('A', 'B'), (3.0, 9.0))
+    """
+    methods = dict.fromkeys(name for frame in means.values() for name in frame["segmenter"].astype(str))
+    short = {name: name for name in methods} | options_of_variants(methods)
+    panels = []
+    for label, frame in list(means.items())[:MOST_PANELS_OF_MEANS]:
+        names = tuple(short[name] for name in frame["segmenter"].astype(str))
+        computed = Dots(MEAN, names, _numbers(frame["mean"]), _numbers(frame["ci_low"]), _numbers(frame["ci_high"]))
+        dots = [computed]
+        if published and "published" in frame and not (known := frame[frame["published"].notna()]).empty:
+            named = tuple(short[name] for name in known["segmenter"].astype(str))
+            missing = (None,) * len(known)
+            dots.append(Dots(published, named, _numbers(known["published"]), missing, missing, role="published"))
+        panels.append(Panel(Axis(label, from_zero=True), Axis(categories=tuple(short.values())), dots=tuple(dots)))
+    return Chart(title, tuple(panels), subtitle=subtitle)
+
+
 def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
     """The scores of each method, a panel for each metric: computed ones with their intervals, and published ones.
 
@@ -686,7 +728,8 @@ def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
     ('Global consistency error', (0.22,))
     """
     frame = table.frame
-    methods = tuple(dict.fromkeys(frame["method"].astype(str)))
+    methods = dict.fromkeys(frame["method"].astype(str))
+    short = {name: name for name in methods} | options_of_variants(frame.loc[frame["source"] == COMPUTED, "method"])
     ours = [COMPUTED, AUTHORS]
     sources = [source for source in ours if (frame["source"] == source).any()]
     others = [source for source in dict.fromkeys(frame["source"].astype(str)) if source not in ours]
@@ -702,7 +745,7 @@ def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
             dots.append(
                 Dots(
                     label=labels[source],
-                    categories=tuple(of_source["method"].astype(str)),
+                    categories=tuple(short[name] for name in of_source["method"].astype(str)),
                     values=_numbers(of_source[metric.name]),
                     low=_numbers(of_source[f"{metric.name}_low"]),
                     high=_numbers(of_source[f"{metric.name}_high"]),
@@ -710,7 +753,9 @@ def method_scores(table: Table, metrics: Sequence[Column], title: str) -> Chart:
                     group=(others if source in others else ours).index(source),
                 )
             )
-        panels.append(Panel(Axis(_spelled_out(metric), from_zero=True), Axis(categories=methods), dots=tuple(dots)))
+        panels.append(
+            Panel(Axis(_spelled_out(metric), from_zero=True), Axis(categories=tuple(short.values())), dots=tuple(dots))
+        )
     better = {metric.lower_is_better for metric in metrics}
     subtitle = "; ".join(filter(None, (LOWER_IS_BETTER if better == {True} else "", OWN_SCALES if panels else "")))
     return Chart(title, tuple(panels), subtitle=subtitle)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,33 @@ def in_words(stem: str) -> str:
     ('Heat map', 'Figure 12')
     """
     return re.sub(r"(?<=[a-z])(?=\d)", " ", stem.replace("_", " ")).capitalize()
+
+
+def options_of_variants(names: Iterable[str]) -> dict[str, str]:
+    """What tells names of methods apart where most of them are variants of one: the options in their parentheses.
+
+    Parameters
+    ----------
+    names : iterable of str
+        such as ``"HeatWalkRobust (without merge)"``
+
+    Returns
+    -------
+    dict of str to str
+        options by name; only of the names that are variants of what more than half of the names are
+
+    Examples
+    --------
+    >>> options_of_variants(["HeatWalk", "HeatWalkRobust", "HeatWalkRobust (without merge)"])
+    {'HeatWalkRobust (without merge)': 'without merge'}
+    >>> options_of_variants(["HeatWalk", "KMeans (n=4)", "Voronoi"])
+    {}
+    """
+    parts = {name: name.removesuffix(")").partition(" (") for name in names}
+    kinds = Counter(kind for kind, _, _ in parts.values())
+    return {
+        name: options for name, (kind, _, options) in parts.items() if options and kinds[kind] > max(1, len(parts) / 2)
+    }
 
 
 def plain_text(markdown: str) -> str:

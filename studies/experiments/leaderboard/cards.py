@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from studies.planning.targets import locate
+from studies.reporting.text import options_of_variants
 from studies.segmenters.about import About
 
 if TYPE_CHECKING:
@@ -103,12 +103,10 @@ def names_in_charts(cards: Mapping[str, Card], mark: bool = True) -> dict[str, s
     >>> list(names_in_charts(cards).values())
     ['HeatWalk', 'HeatWalkRobust', 'without merge']
     """
-    titles = Counter(card.about.title for card in cards.values())
+    options = options_of_variants(card.name for card in cards.values())
     found = {}
     for name, card in cards.items():
-        options = card.name.partition(" (")[2].removesuffix(")")
-        is_variant = options and titles[card.about.title] > max(1, len(cards) / 2)
-        words = options if is_variant else card.title
+        words = options.get(card.name, card.title)
         found[name] = f"{words} {TOLD_MARK}" if card.told and mark else words
     return found
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from studies.columns import Column, Published, Table
-from studies.figures.charts import level_curve, method_scores, pair_matrices, part_panels, segment_counts
+from studies.figures.charts import level_curve, method_means, method_scores, pair_matrices, part_panels, segment_counts
 
 SEGMENTERS = ("walk", "cuts")
 INTERVALS = [(0.6, 2.7), (0.85, 1.9)]
@@ -85,6 +85,12 @@ def _times(segmenters):
     return segment_counts(rows, INTERVALS, "Times")
 
 
+def _means():
+    names = [f"HeatWalkRobust (part {i} only)" for i in range(8)]
+    frame = pd.DataFrame({"segmenter": ["HeatWalk", *names], "mean": np.linspace(5, 12, 9)})
+    return frame.assign(ci_low=frame["mean"] - 2, ci_high=frame["mean"] + 3, published=[8.0, *[np.nan] * 8])
+
+
 METRICS = [Column(name="hamming", heading="HD"), Column(name="gce", heading="GCE")]
 
 CHARTS = {
@@ -96,6 +102,9 @@ CHARTS = {
     "times of two segmenters": _times(SEGMENTERS),
     "matrices": _matrices(None),
     "matrices of two segmenters": _matrices(SEGMENTERS),
+    "means of methods": method_means(
+        {"all (%)": _means(), "cat (%)": _means()}, "Poses", "lower is better", "the paper"
+    ),
     "methods": method_scores(_scores(), METRICS, "Table 1"),
 }
 

@@ -9,6 +9,7 @@ from studies.columns import Column, Published, Table
 from studies.figures.charts import (
     MOST_MODEL_LINES,
     level_curve,
+    method_means,
     method_scores,
     pair_matrices,
     part_panels,
@@ -158,6 +159,29 @@ def test_a_pair_that_failed_is_missing_and_a_shape_without_poses_is_left_out():
 def test_many_matrices_are_spread_over_rows_of_about_the_same_length(n_shapes, per_row):
     change = pd.DataFrame([[0.0, 3.0], [3.0, 0.0]], index=["a", "b"], columns=["a", "b"])
     assert pair_matrices({str(shape): change for shape in range(n_shapes)}, "Poses").per_row == per_row
+
+
+def test_means_of_many_methods_have_a_row_each_named_by_what_tells_them_apart():
+    names = ["HeatWalk", "HeatWalkRobust", "HeatWalkRobust (merge=False)", "HeatWalkRobust (fair=False)"]
+    frame = pd.DataFrame({"segmenter": names, "mean": [9.0, 2.0, np.nan, 4.0], "ci_low": 1.0, "ci_high": 10.0})
+    chart = method_means({"all": frame.assign(published=[7.0, np.nan, np.nan, np.nan]), "cat": frame}, "Poses", "", "A")
+    assert [panel.x.label for panel in chart.panels] == ["all", "cat"]
+    assert {panel.y.categories for panel in chart.panels} == {
+        ("HeatWalk", "HeatWalkRobust", "merge=False", "fair=False")
+    }
+    (computed, published), (alone,) = (panel.dots for panel in chart.panels)
+    assert computed == alone
+    assert (computed.values, computed.low[0], computed.high[0]) == ((9.0, 2.0, None, 4.0), 1.0, 10.0)
+    assert (published.categories, published.values, published.role) == (("HeatWalk",), (7.0,), "published")
+
+
+def test_scores_of_variants_of_one_method_are_named_by_what_tells_them_apart():
+    names = ["Humans", "HeatWalk", "HeatWalk (merge=True)", "HeatWalk (fair=True)"]
+    scores = pd.DataFrame({"method": [*names, "HeatWalk"], "source": [*["computed"] * 4, "smith"]})
+    scores = scores.assign(gce=0.2, gce_low=np.nan, gce_high=np.nan)
+    (panel,) = method_scores(Table("table", scores), [Column(name="gce", heading="GCE")], "Table 1").panels
+    assert panel.y.categories == ("Humans", "HeatWalk", "merge=True", "fair=True")
+    assert panel.dots[0].categories == panel.y.categories
 
 
 @pytest.mark.parametrize(("published", "label"), [(Published("source", "Smith 2011"), "Smith 2011"), (None, "smith")])
