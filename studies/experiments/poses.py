@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from studies.figures.pictures import Picture
 
 ALL_SHAPES = "all"
+MOST_METHODS_DRAWN = 2  # whose segmentations of poses a picture shows
 
 OTHER = Column(name="other", dtype="string", help="Name of the second pose.")
 
@@ -278,25 +279,29 @@ class Poses(Experiment):
     def pictures(
         self, study: str, trials: Sequence[Trial], rows: pd.DataFrame, title: str, labels: Labels
     ) -> Iterable[Picture]:
-        """Some poses side by side, a part in the colour that it has in the first of its shape."""
+        """Some poses side by side, by the first methods, a part in the colour that it has in the first of its shape."""
         from studies.figures.method_figures import PosePlate
 
         good = rows[rows["status"] == "ok"]
-        segmented = {*good["model"], *good["other"]}
-        poses = {
-            model.name: trial
-            for trial in reversed(trials)
-            for model in reversed(getattr(trial, "poses", ()))
-            if model.name in segmented
+        segmented = {
+            *zip(good["segmenter"], good["model"], strict=True),
+            *zip(good["segmenter"], good["other"], strict=True),
         }
-        poses = dict(reversed(poses.items()))
+        by_method: dict[str, dict[str, Trial]] = {}
+        for trial in trials:
+            for model in getattr(trial, "poses", ()):
+                if (trial.segmenter_name, model.name) in segmented:
+                    by_method.setdefault(str(trial.segmenter_name), {}).setdefault(model.name, trial)
+        methods = list(by_method.values())[:MOST_METHODS_DRAWN]
+        poses = methods[0] if methods else {}
         for stem, plate in self.plates.items():
             named = [str(name) for name in plate["models"] if str(name) in poses]
             # Those that are named are a choice from the whole of a dataset: of a part of it, others are shown.
             few = len(named) < min(self.columns_shown, len(poses))
             names = _of_each_shape(poses, self.columns_shown) if few else named
-            if names:
-                yield PosePlate(stem, [(poses[name], name) for name in names], plate.get("upright", 1), title)
+            shown = [(of_method[name], name) for name in names for of_method in methods if name in of_method]
+            if shown:
+                yield PosePlate(stem, shown, plate.get("upright", 1), title)
 
     def scenes(self, trials: Sequence[Trial], rows: pd.DataFrame, labels: Labels) -> PoseScenes | None:
         """The first pose of each shape, and those that differ most from it, by every method."""

@@ -356,9 +356,9 @@ class Times(Experiment):
         """The number of segments over time and how much it varies within intervals; of many methods, the shares."""
         from studies.figures import charts
 
-        if rows["segmenter"].nunique() <= charts.MOST_METHODS:
-            return {study: charts.segment_counts(rows[rows["status"] == "ok"], self._pairs(), title)}
         table = tables["table"]
+        if rows["segmenter"].nunique() <= charts.MOST_METHODS or table.frame.empty:
+            return {study: charts.segment_counts(rows[rows["status"] == "ok"], self._pairs(), title)}
         first = table.frame[table.frame["counted"] == table.frame["counted"].iloc[0]]
         label = table.published.label if table.published else ""
         shown = {"unchanged": "mean", table.published.column if table.published else "": "published"}

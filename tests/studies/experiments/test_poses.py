@@ -103,6 +103,24 @@ def test_the_picture_of_poses_gives_a_part_the_colour_that_it_has_in_the_first(c
     assert min(violet) > 500
 
 
+def test_the_picture_of_poses_shows_the_same_poses_by_the_first_methods(configured, rows_of, tosca_zip):
+    methods = "segmenters=[heat_walk,heat_walk_robust,one_segment]"
+    study = configured("+study=pose", f"dataset.root={tosca_zip}", "dataset.models=[cat0,cat1]", methods)
+    trials = study.plan()
+    (picture,) = study.experiment.pictures("pose", trials, rows_of(trials, Poses), "", no_labels)
+    shown = [(trial.segmenter_name, name) for trial, name in picture.shown]
+    assert shown == [(method, name) for name in ("cat0", "cat1") for method in ("HeatWalk", "HeatWalkRobust")]
+
+
+def test_means_take_the_place_of_matrices_of_many_methods():
+    rows = pd.concat([frame({("a", "b"): float(i)}).assign(segmenter=f"method {i}") for i in range(5)])
+    experiment = Poses()
+    tables = {table.name: table for table in experiment.tables(rows)}
+    (panel,) = experiment.charts("pose", tables, rows, "Poses")["pose"].panels
+    assert panel.dots[0].categories == tuple(f"method {i}" for i in range(5))
+    assert panel.dots[0].values == (0.0, 1.0, 2.0, 3.0, 4.0)
+
+
 def test_several_segmenters_have_rows_and_matrices_of_their_own():
     rows = pd.concat([frame({("a", "b"): 1.0}), frame({("a", "b"): 5.0}).assign(segmenter="other")])
     experiment = Poses()

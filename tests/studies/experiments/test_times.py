@@ -102,6 +102,18 @@ def test_beside_the_exact_share_are_that_within_one_and_the_share_of_times():
         assert (frame[name] <= frame[f"{name}_high"]).all()
 
 
+def test_the_chart_of_many_methods_shows_their_shares_in_each_interval():
+    names = ["HeatWalk", *(f"method {i}" for i in range(4))]
+    rows = pd.concat([counted_rows(NUMBERS).assign(segmenter=name) for name in names])
+    experiment = Times(times={"first": 0.5, "last": 3, "count": 2}, intervals=[[0.6, 2.7], [2.0, 2.7]])
+    tables = {table.name: Publication.load("heat_walk_2011").annotate(table, rows) for table in experiment.tables(rows)}
+    first, second = experiment.charts("time", tables, rows, "Times")["time"].panels
+    assert (first.x.label, second.x.label) == ("times 0.6 to 2.7", "times 2 to 2.7")
+    assert first.dots[0].categories == tuple(names)
+    assert (first.dots[0].values, second.dots[0].values) == ((25,) * 5, (50,) * 5)
+    assert (first.dots[1].categories, first.dots[1].values) == (("HeatWalk",), (71,))  # the paper's
+
+
 @pytest.mark.parametrize(("criterion", "expected"), [("exact", 25), ("within_one", 50), ("share_of_times", 62.5)])
 def test_the_criterion_says_which_share_is_compared_with_the_paper(criterion, expected):
     rows = counted_rows(NUMBERS)
