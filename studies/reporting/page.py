@@ -20,6 +20,7 @@ from studies.storage.identity import short_digest
 HEADINGS = ("section", "claim", "paper", "ours", "95 % interval", "verdict", "study")
 MOST_NAMED_MODELS = 12  # whose names are all on the page
 MOST_RANGES = 20  # of models whose names are numbers
+LONGEST_TABLE = 60  # rows of a table that is not folded
 
 
 def study_folders(results: Path) -> list[Path]:
@@ -73,8 +74,14 @@ def page(studies: Sequence[Results], root: Path, sweeps: Sequence[Sweep] = ()) -
 
 
 def boards_first(studies: Iterable[Results]) -> list[Results]:
-    """The studies with those of all methods first, which most readers look for."""
-    return sorted(studies, key=lambda study: not study.experiment.gathers)
+    """The studies with those of all methods first, which most readers look for, then those of variants of one."""
+
+    def place(study: Results) -> int:
+        if not study.experiment.gathers:
+            return 2
+        return int(bool(getattr(study.experiment, "paired_with", None)))
+
+    return sorted(studies, key=place)
 
 
 def introduction(publication: Publication | None, root: Path) -> list[str]:
@@ -143,11 +150,19 @@ def _study_lines(
         f"{_summary(study, root, told)} {_link(study, folder)}",
         "",
         *([findings, ""] if findings else []),
-        *markdown_of(study.main_table.shortened()),
+        *_folded(markdown_of(study.main_table.shortened())),
         "",
         *([f"![{heading}: {in_words(picture.stem)}](<{folder}/{picture.name}>)", ""] if picture else []),
         "  \n".join(f"`{command}`" for command in (*study.earlier_commands, study.command) if command),
     ]
+
+
+def _folded(table: list[str]) -> list[str]:
+    """Lines of a table, folded if it is long."""
+    n_rows = len(table) - 2
+    if n_rows <= LONGEST_TABLE:
+        return table
+    return ["<details>", f"<summary>Table of {n_rows} rows</summary>", "", *table, "", "</details>"]
 
 
 def _link(study: Results, folder: str) -> str:

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from studies.experiments import Change
-from studies.reporting.page import page, sorted_by_section, study_folders
+from studies.reporting.page import LONGEST_TABLE, page, sorted_by_section, study_folders
 from studies.reporting.results import Results
 from tests.studies.conftest import typed_command
 
@@ -24,6 +24,20 @@ def studies():
 
 def test_the_page_is_what_the_stored_trials_give(studies):
     assert (RESULTS / "README.md").read_text() == page(studies, RESULTS)
+
+
+def test_boards_of_all_methods_come_first_and_long_tables_are_folded():
+    text = (RESULTS / "README.md").read_text()
+    headings = re.findall(r"^## (\S+)", text, re.MULTILINE)
+    assert headings[:3] == ["Leaderboard", "Leaderboard", "Parts"]
+    folded = re.findall(r"<details>\n<summary>Table of (\d+) rows</summary>\n\n(.*?)\n\n</details>", text, re.DOTALL)
+    assert folded
+    for count, table in folded:
+        assert len(table.splitlines()) - 2 == int(count) > LONGEST_TABLE
+        text = text.replace(table, "")
+    assert (
+        max(len(table.splitlines()) for table in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)) <= LONGEST_TABLE + 2
+    )
 
 
 def test_tables_are_what_the_stored_trials_give(studies):
