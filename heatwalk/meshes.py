@@ -297,17 +297,31 @@ def repeats_earlier_face(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     array([False, False,  True])
     """
     repeats = np.zeros(len(faces), dtype=bool)
-    low, high = faces.min(axis=1), faces.max(axis=1)
-    middle = faces.sum(axis=1) - low - high
+    a, b, c = faces.T
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    middle = a + b + c - low - high
     mixed = (low * 0x9E3779B1 + middle) * 0x85EBCA77 + high  # wraps around: faces with equal corners have equal values
-    ordered = np.sort(mixed)
+    some = _in_shared_buckets(mixed)
+    ordered = np.sort(mixed[some])
     is_repeated = ordered[1:] == ordered[:-1]
     if is_repeated.any():
-        similar = np.flatnonzero(np.isin(mixed, ordered[1:][is_repeated]))
+        similar = some[np.isin(mixed[some], ordered[1:][is_repeated])]
         corners = np.column_stack((low, middle, high))[similar]
         order = np.lexsort(corners.T)  # stable: the first of equal faces stays first
         repeats[similar[order[1:]]] = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
     return repeats
+
+
+def _in_shared_buckets(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Places of the values that are in one bucket of a hash table with another: all equal ones, and few others."""
+    n_bits = (4 * len(values) + 1).bit_length()
+    bucket = ((values.view(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(64 - n_bits)).view(np.int64)
+    place = np.arange(len(values))
+    last = np.empty(2**n_bits, dtype=np.int64)  # in each bucket; what is in others is never read
+    last[bucket] = place
+    is_shared = np.zeros(2**n_bits, dtype=bool)
+    is_shared[bucket[last[bucket] != place]] = True
+    return np.flatnonzero(is_shared[bucket])
 
 
 def without_repeated_faces(faces: NDArray[np.int64]) -> NDArray[np.int64]:
