@@ -103,6 +103,9 @@ class Cholesky:
         panel_of = _panel_of_columns(starts)
         subtrees = _subtrees(panels, panel_of)
         self._parts = [_part(panels, *bounds, bounds in subtrees) for bounds in stretches(subtrees, len(widths))]
+        self._subtrees = [i for i, part in enumerate(self._parts) if part.is_subtree]
+        # The largest first: begun last, it would keep the other threads waiting.
+        self._subtrees.sort(key=lambda i: -_n_entries(panels, self._parts[i]))
         _factorise_parts(indptr, indices, matrix.data, shift, panels, panel_of, self._parts)
 
     @property
@@ -116,12 +119,14 @@ class Cholesky:
         x = np.zeros((n_sides + n_sides % 2, len(block)))
         x[:n_sides] = block.T
         kept = [np.empty((len(x), len(part.rows))) for part in self._parts]
-        subtrees = [part for part in self._parts if part.is_subtree]
-        shared(
-            lambda part, kept: _substitute_forward(x, self._panels, part.first, part.last, kept),
-            subtrees,
-            [values for values, part in zip(kept, self._parts, strict=True) if part.is_subtree],
-        )
+
+        def forward(i: int) -> None:
+            _substitute_forward(x, self._panels, self._parts[i].first, self._parts[i].last, kept[i])
+
+        def backward(i: int) -> None:
+            _substitute_backward(x, self._panels, self._parts[i].first, self._parts[i].last)
+
+        shared(forward, self._subtrees)
         for part, values in zip(self._parts, kept, strict=True):
             if not part.is_subtree:
                 _substitute_forward(x, self._panels, part.first, part.last, values)
@@ -129,7 +134,7 @@ class Cholesky:
         for part in reversed(self._parts):
             if not part.is_subtree:
                 _substitute_backward(x, self._panels, part.first, part.last)
-        shared(lambda part: _substitute_backward(x, self._panels, part.first, part.last), subtrees)
+        shared(backward, self._subtrees)
         return x[:n_sides].T
 
 
@@ -173,6 +178,11 @@ def _part(panels: Panels, first: int, last: int, is_subtree: bool) -> Part:
     return Part(first, last, is_subtree, first + np.flatnonzero(n_outer), rows[is_outer])
 
 
+def _n_entries(panels: Panels, part: Part) -> int:
+    """Numbers stored for the panels of a part."""
+    return int(panels.entry_starts[part.last] - panels.entry_starts[part.first])
+
+
 def _factorise_parts(
     indptr: NDArray[np.int32],
     indices: NDArray[np.int32],
@@ -184,7 +194,7 @@ def _factorise_parts(
 ) -> None:
     """Fill the panels, whose entries are zero: each subtree, and each panel of the top, as a task."""
     tasks = [part for part in parts if part.is_subtree]
-    tasks.sort(key=lambda part: panels.entry_starts[part.first] - panels.entry_starts[part.last])
+    tasks.sort(key=lambda part: -_n_entries(panels, part))
     top = [j for part in parts if not part.is_subtree for j in range(part.first, part.last)]
     tasks += [_part(panels, j, j + 1, False) for j in top]
 

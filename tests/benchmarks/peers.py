@@ -18,6 +18,7 @@ import resource
 import signal
 import subprocess
 import sys
+import textwrap
 import time
 from pathlib import Path
 
@@ -232,7 +233,8 @@ def _failure(run, limit):
     last = run.stderr.strip().splitlines()[-1] if run.stderr.strip() else f"exit code {run.returncode}"
     if "MemoryError" in last or "bad_alloc" in last:
         return f"> {MEMORY / 1e9:g} GB"
-    return last.partition(": ")[2][:60] or last[:60]
+    reason = last.partition(": ")[2] or last
+    return textwrap.shorten(reason.partition(": ")[0], 90)
 
 
 def table(found, limit):
