@@ -14,6 +14,7 @@ import pytest
 
 from studies.datasets.files import FileModel
 from studies.execution import Serial, TaskFailure, map_ordered, run_trials
+from studies.execution.interruption import keep_ctrl_c
 from studies.planning.trial import COLUMNS, TIMINGS
 from tests.helpers.meshes import bundled
 from tests.studies.conftest import STUDY
@@ -177,7 +178,8 @@ TYPED_SLURM = "engine.cluster={_target_:dask_jobqueue.SLURMCluster,cores:1,memor
 
 def queue_of(folder, monkeypatch, sbatch):
     """A queue whose programs are shell scripts: ``sbatch`` is the text of one."""
-    pytest.importorskip("dask_jobqueue", reason="the extra 'dask' is not installed")
+    with keep_ctrl_c():
+        pytest.importorskip("dask_jobqueue", reason="the extra 'dask' is not installed")
     for name, text in (("sbatch", sbatch), ("scancel", "exit 0")):
         if text:
             (folder / name).write_text(f"#!/bin/sh\n{text}\n")
