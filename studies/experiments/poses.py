@@ -28,6 +28,7 @@ from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, fingerprint
 from studies.planning.trial import Trial
+from studies.reporting.text import count_of
 from studies.segmenters import Segmenter
 from studies.statistics.bootstrap import interval_over_pairs
 
@@ -271,7 +272,9 @@ class Poses(Experiment):
         if len(groups) > charts.MOST_METHODS:
             shapes = {str(shape): of_shape for shape, of_shape in tables["table"].frame.groupby("shape", sort=False)}
             means = {f"{shape} (%)": shapes[shape] for shape in sorted(shapes, key=lambda shape: shape != ALL_SHAPES)}
-            subtitle = "mean Change Percentage between all pairs of poses, 95 % interval; lower is better"
+            n_hidden = len(means) - charts.MOST_PANELS_OF_MEANS
+            more = f"; {count_of(n_hidden, 'shape')} more in the table" if n_hidden > 0 else ""
+            subtitle = f"mean Change Percentage between all pairs of poses; lower is better{more}"
             return {study: charts.method_means(means, title, subtitle)}
         changes = {(shape, *key): matrix for key, group in groups for shape, matrix in pair_matrices(group).items()}
         return {study: charts.pair_matrices(changes, title)}
@@ -327,10 +330,11 @@ class Poses(Experiment):
 
 
 def _of_each_shape(poses: Mapping[str, Trial], count: int) -> list[str]:
-    """About this many poses, the first ones of every shape in turn, shape by shape."""
+    """About this many poses, the first ones of some shapes in turn, at least two of each, shape by shape."""
     by_shape: dict[str, list[str]] = {}
     for name, trial in poses.items():
         by_shape.setdefault(trial.part, []).append(name)
+    by_shape = dict(list(by_shape.items())[: max(count // 2, 1)])
     longest = max(map(len, by_shape.values()), default=0)
     in_turn = [names[i] for i in range(longest) for names in by_shape.values() if i < len(names)][:count]
     return [name for names in by_shape.values() for name in names if name in in_turn]

@@ -366,7 +366,7 @@ class Times(Experiment):
             f"times {low:g} to {high:g}": first[(first["low"] == low) & (first["high"] == high)].rename(columns=shown)
             for low, high in self._pairs()
         }
-        subtitle = f"{_HELP_OF_CRITERION[self.criterion].removesuffix('.')} (%), 95 % interval; higher is better"
+        subtitle = f"{_HELP_OF_CRITERION[self.criterion].removesuffix('.')} (%); higher is better"
         return {study: charts.method_means(means, title, subtitle, label)}
 
     def pictures(

@@ -688,7 +688,14 @@ def method_means(means: Mapping[str, pd.DataFrame], title: str, subtitle: str = 
     panels = []
     for label, frame in list(means.items())[:MOST_PANELS_OF_MEANS]:
         names = tuple(short[name] for name in frame["segmenter"].astype(str))
-        computed = Dots(MEAN, names, _numbers(frame["mean"]), _numbers(frame["ci_low"]), _numbers(frame["ci_high"]))
+        known_ends = frame[["ci_low", "ci_high"]].notna().any(axis=None)
+        computed = Dots(
+            MEAN if known_ends else "mean",
+            names,
+            _numbers(frame["mean"]),
+            _numbers(frame["ci_low"]),
+            _numbers(frame["ci_high"]),
+        )
         dots = [computed]
         if published and "published" in frame and not (known := frame[frame["published"].notna()]).empty:
             named = tuple(short[name] for name in known["segmenter"].astype(str))

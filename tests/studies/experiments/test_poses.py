@@ -1,4 +1,5 @@
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -7,7 +8,7 @@ import pytest
 import heatwalk
 from heatwalk import read_mesh
 from studies.experiments import Poses
-from studies.experiments.poses import pair_matrices
+from studies.experiments.poses import _of_each_shape, pair_matrices
 from studies.metrics import change_percentage
 from studies.planning.errors import StudyError
 from studies.statistics.bootstrap import interval_over_pairs
@@ -119,6 +120,12 @@ def test_means_take_the_place_of_matrices_of_many_methods():
     (panel,) = experiment.charts("pose", tables, rows, "Poses")["pose"].panels
     assert panel.dots[0].categories == tuple(f"method {i}" for i in range(5))
     assert panel.dots[0].values == (0.0, 1.0, 2.0, 3.0, 4.0)
+
+
+def test_a_picture_of_many_shapes_shows_two_poses_of_each_of_the_first():
+    poses = {f"{shape}{i}": SimpleNamespace(part=shape) for shape in ("ant", "bird", "cat", "dog") for i in range(3)}
+    assert _of_each_shape(poses, 6) == ["ant0", "ant1", "bird0", "bird1", "cat0", "cat1"]
+    assert _of_each_shape(poses, 2) == ["ant0", "ant1"]
 
 
 def test_several_segmenters_have_rows_and_matrices_of_their_own():
