@@ -27,6 +27,7 @@ from studies.experiments.experiment import (
     note_on_told,
     told_methods,
 )
+from studies.experiments.pairing import check_paired_with, difference, difference_column, matched, rows_of
 from studies.metrics import psb
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, fingerprint
@@ -201,9 +202,12 @@ class Benchmark(Experiment):
     page : mapping, optional
         which models the viewer of the page shows, and ``worst`` more on which the first method agrees least with
         people; see `studies.experiments.change.Viewer`
+    paired_with : str, optional
+        one of several segmenters, by its name in the rows, from which a table has the differences of the others
     """
 
     page: Mapping[str, Any] | Viewer | None = field(default_factory=Viewer)
+    paired_with: str | None = None
 
     has_scenes: ClassVar[bool] = True
     columns: ClassVar[tuple[Column, ...]] = (
@@ -218,6 +222,7 @@ class Benchmark(Experiment):
 
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
         """One trial per model and segmenter, one per model for its people, if any, and one per method of others."""
+        check_paired_with(self.paired_with, segmenters)
         models = dataset.models()
         if not any(has_people(model) for model in models):
             raise StudyError(
@@ -261,7 +266,8 @@ class Benchmark(Experiment):
             columns=(METHOD, SOURCE, TOLD, *scores, MODELS, FAILURES),
             notes=" ".join(filter(None, (self.notes, _note_on_authors(rows), note_on_told(told)))),
         )
-        return [table, *filter(None, (_table_by_category(rows, scores), _cost(rows)))]
+        further = (_differences(rows, self.paired_with), _table_by_category(rows, scores), _cost(rows))
+        return [table, *filter(None, further)]
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
         """Every metric of every method, with its interval."""
@@ -280,6 +286,33 @@ class Benchmark(Experiment):
         scores = dict(zip(good["trial_id"], good["rand_index_error"].astype(float), strict=True))
         models = choose_models([trial.model.name for trial in trials], viewer.models) if viewer.models != 0 else []
         return people_scenes(trials, scores, models, viewer.worst) if models else None
+
+
+def _differences(rows: pd.DataFrame, paired_with: str | None) -> Table | None:
+    """The scores of each method minus those of another, on the same models; None if there is no such method."""
+    good = rows[rows["status"] == "ok"]
+    others = rows_of(good, paired_with)
+    if others is None:
+        return None
+    records: list[dict[str, Any]] = []
+    for name, group in good[good["segmenter"] != paired_with].groupby("segmenter", sort=False):
+        pairs = {metric: matched(group, others, metric, ["model"]) for metric in psb.MAIN}
+        records.append(_named(str(name)) | {"n": len(pairs[psb.MAIN[0]])})
+        for metric, of_metric in pairs.items():
+            records[-1] |= difference(of_metric[metric].mean(), interval_of_mean(of_metric, metric), metric)
+    columns = [
+        difference_column(
+            paired_with, column.title, name=column.name, heading=column.title, format="+z.3f", lower_is_better=True
+        )
+        for column in psb.COLUMNS
+        if column.name in psb.MAIN
+    ]
+    return Table(
+        name="differences",
+        frame=frame_of(records),
+        columns=(METHOD, SOURCE, *columns, MODELS),
+        notes=f"The metrics of each method minus those of {paired_with}; negative: nearer to people.",
+    )
 
 
 def _table_by_category(rows: pd.DataFrame, scores: Sequence[Column]) -> Table | None:

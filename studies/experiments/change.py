@@ -35,6 +35,7 @@ from studies.experiments.experiment import (
     require_whole_number,
     told_methods,
 )
+from studies.experiments.pairing import check_paired_with, difference, difference_column, matched, rows_of
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import TRIAL_ID_LENGTH, digest, digest_of_code, fingerprint
@@ -490,6 +491,8 @@ class Change(Experiment):
         of a study with several parts: the same options for each, by name
     repeats : int
         trials of each model at each level, each with its own seed
+    paired_with : str, optional
+        one of several segmenters, by its name in the rows, from which the table has the differences of the others
     gallery : mapping, optional
         see `Gallery`
     page : mapping, optional
@@ -503,6 +506,7 @@ class Change(Experiment):
     swept: str = "amount"
     parts: Mapping[str, Mapping[str, Any]] | None = None
     repeats: int = 3
+    paired_with: str | None = None
     gallery: Mapping[str, Any] | Gallery | None = field(default_factory=Gallery)
     page: Mapping[str, Any] | Viewer | None = field(default_factory=Viewer)
 
@@ -535,6 +539,7 @@ class Change(Experiment):
         return self._own_blocks(study, dataset, segmenters)
 
     def _own_blocks(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[ChangeBlock]:
+        check_paired_with(self.paired_with, segmenters)
         repeats = require_whole_number("repeats", self.repeats)
         levels = [
             Level(name, level, perturbation, part.unit_of(perturbation), part.recipe(perturbation))
@@ -559,8 +564,8 @@ class Change(Experiment):
         """Change Percentage by part and level, and by category if there are several; accuracy, failures and seconds."""
         table = Table(
             name="table",
-            frame=summary(rows),
-            columns=columns_by_level(rows),
+            frame=summary(rows, self.paired_with),
+            columns=columns_by_level(rows, self.paired_with),
             notes=" ".join(filter(None, (self.notes, note_on_told(told_methods(rows))))),
             value="mean",
         )  # fmt: skip
@@ -677,37 +682,45 @@ def _part(name: str, options: Mapping[str, Any]) -> Part:
     return Part(**{key: value for key, value in options.items() if key in fields})
 
 
-def columns_by_level(rows: pd.DataFrame) -> tuple[Column, ...]:
+def columns_by_level(rows: pd.DataFrame, paired_with: str | None = None) -> tuple[Column, ...]:
     """The columns of `summary`, in the order in which they are shown."""
+    paired = difference_column(paired_with, MEAN.title, format="+z.2f", lower_is_better=True)
     part = dataclasses.replace(PART, compact=rows["part"].nunique() > 1)
+    median = dataclasses.replace(MEDIAN, compact=paired_with is None)  # there is room for one of the two
     further = _further_metrics(rows)
-    before = (SEGMENTER, part, LEVEL, UNIT, MEAN, *BOUNDS, INTERVAL, MEDIAN, PUBLISHED)
+    before = (SEGMENTER, part, LEVEL, UNIT, MEAN, *BOUNDS, INTERVAL, paired, median, PUBLISHED)
     return (*before, *further, *HIDDEN_SIZES, SEGMENTS, TRIALS, FAILURES)
 
 
-def summary(rows: pd.DataFrame) -> pd.DataFrame:
+def summary(rows: pd.DataFrame, paired_with: str | None = None) -> pd.DataFrame:
     """Change Percentage by part and level, and by segmenter if there are several.
 
     Parameters
     ----------
     rows : DataFrame
         trials, as stored
+    paired_with : str, optional
+        segmenter from which the table has the differences of the others
 
     Returns
     -------
     DataFrame
         columns segmenter (if there are several), part, level, unit; mean, ci_low and ci_high (its 95 % interval),
-        median; means of the other metrics and of the numbers of segments; n (trials that succeeded) and failures
+        difference, difference_low and difference_high (with ``paired_with``), median; means of the other metrics and of
+        the numbers of segments; n (trials that succeeded) and failures
     """
     keys = [*by_segmenter(rows), "part", "level", "unit"]
     means = [*(column.name for column in _further_metrics(rows)), *SIZES]
     records = []
+    others = rows_of(rows[rows["status"] == "ok"], paired_with)
+    of_level = {} if others is None else dict(iter(others.groupby(keys[-3:], sort=False)))
     for key, group in rows.groupby(keys, sort=False):
         good = group[group["status"] == "ok"]
         records.append(
             {
                 **dict(zip(keys, key, strict=True)),
                 **_mean_and_interval(good),
+                **({} if others is None else _difference(good, of_level.get(key[-3:], others.iloc[:0]))),
                 **model_means(good, means),
                 "n": len(good),
                 "failures": len(group) - len(good),
@@ -766,6 +779,12 @@ def _failures_and_seconds(rows: pd.DataFrame) -> Table | None:
 def _mean_and_interval(rows: pd.DataFrame) -> dict[str, float]:
     low, high = interval_of_mean(rows, MEASURE)
     return {"mean": model_mean(rows, MEASURE), "ci_low": low, "ci_high": high, "median": rows[MEASURE].median()}
+
+
+def _difference(rows: pd.DataFrame, others: pd.DataFrame) -> dict[str, float]:
+    """The mean over models of the difference of Change Percentages under the same draws, and its interval."""
+    pairs = matched(rows, others, MEASURE, ["model", "repeat"])
+    return difference(model_mean(pairs, MEASURE), interval_of_mean(pairs, MEASURE))
 
 
 def _further_metrics(rows: pd.DataFrame) -> list[Column]:

@@ -24,6 +24,7 @@ from studies.experiments.experiment import (
     frame_of,
     require_whole_number,
 )
+from studies.experiments.pairing import check_paired_with, difference, difference_column, matched, rows_of
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, fingerprint
@@ -154,6 +155,8 @@ class Poses(Experiment):
         the vertical axis: 1 (y) or 2 (z)
     columns_shown : int
         how many poses a picture shows if none of its models is in the study
+    paired_with : str, optional
+        one of several segmenters, by its name in the rows, from which the table has the differences of the others
     page : mapping, optional
         ``columns``: how many poses of a shape the viewer shows, the first and those that differ most from it;
         ``models`` is 0 for a page without a viewer. See `studies.experiments.change.Viewer`
@@ -161,6 +164,7 @@ class Poses(Experiment):
 
     plates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     columns_shown: int = 6
+    paired_with: str | None = None
     page: Mapping[str, Any] | Viewer | None = field(default_factory=Viewer)
 
     has_scenes: ClassVar[bool] = True
@@ -183,6 +187,7 @@ class Poses(Experiment):
 
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
         """One trial per pair of poses of a shape and segmenter."""
+        check_paired_with(self.paired_with, segmenters)
         trials: list[Trial] = []
         models = sorted(dataset.models(), key=lambda model: model.category)
         if not any(has_correspondence(model) for model in models):
@@ -223,11 +228,12 @@ class Poses(Experiment):
         """One row per shape, and one for all of them."""
         keys = by_segmenter(rows)
         groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
+        others = rows_of(rows, self.paired_with)
         records = []
         for key, group in groups:
-            shapes = [_summary(str(shape), of_shape) for shape, of_shape in group.groupby("part", sort=False)]
+            shapes = [_summary(str(shape), of_shape, others) for shape, of_shape in group.groupby("part", sort=False)]
             if len(shapes) > 1:
-                shapes.append(_summary(ALL_SHAPES, group))
+                shapes.append(_summary(ALL_SHAPES, group, others))
             records += [dict(zip(keys, key, strict=True)) | shape for shape in shapes]
         columns = (
             SEGMENTER,
@@ -243,6 +249,7 @@ class Poses(Experiment):
                 template="{ci_low:.2f} – {ci_high:.2f}",
                 help="95 % bootstrap interval of the mean over pairs, poses resampled.",
             ),
+            difference_column(self.paired_with, "CP %", format="+z.2f", lower_is_better=True),
             Column(name="median", format=".2f", lower_is_better=True, help="Median over pairs."),
             Column(name="largest", format=".1f", lower_is_better=True, help="Largest Change Percentage of a pair."),
             Column(
@@ -364,11 +371,11 @@ def pair_matrices(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return matrices
 
 
-def _summary(shape: str, rows: pd.DataFrame) -> dict[str, Any]:
+def _summary(shape: str, rows: pd.DataFrame, others: pd.DataFrame | None) -> dict[str, Any]:
     import pandas as pd
 
     good = rows[rows["status"] == "ok"]
-    low, high = interval_over_pairs([matrix.to_numpy() for matrix in pair_matrices(good).values()])
+    low, high = _interval(good)
     segments = pd.concat([good["n_segments"], good["n_segments_reference"]])
     return {
         "shape": shape,
@@ -377,6 +384,7 @@ def _summary(shape: str, rows: pd.DataFrame) -> dict[str, Any]:
         "mean": good["change_percentage"].mean(),
         "ci_low": low,
         "ci_high": high,
+        **({} if others is None else _difference(good, others[others["status"] == "ok"])),
         "median": good["change_percentage"].median(),
         "largest": good["change_percentage"].max(),
         "van_dongen": good["van_dongen"].mean(),
@@ -384,3 +392,14 @@ def _summary(shape: str, rows: pd.DataFrame) -> dict[str, Any]:
         "most_segments": segments.max(),
         "failures": len(rows) - len(good),
     }
+
+
+def _interval(rows: pd.DataFrame) -> tuple[float, float]:
+    """The interval of the mean Change Percentage over pairs, poses resampled."""
+    return interval_over_pairs([matrix.to_numpy() for matrix in pair_matrices(rows).values()])
+
+
+def _difference(rows: pd.DataFrame, others: pd.DataFrame) -> dict[str, float]:
+    """The mean over pairs of the difference of Change Percentages, and its interval."""
+    pairs = matched(rows, others, "change_percentage", ["part", "model", "other"])
+    return difference(pairs["change_percentage"].mean(), _interval(pairs.assign(status="ok")))

@@ -25,6 +25,7 @@ from studies.experiments.experiment import (
     frame_of,
     require_whole_number,
 )
+from studies.experiments.pairing import check_paired_with, difference, difference_column, rows_of
 from studies.metrics import Comparison
 from studies.planning.errors import StudyError
 from studies.planning.fingerprint import digest, fingerprint
@@ -164,6 +165,8 @@ class Times(Experiment):
         what the share ``unchanged`` is, which is compared with published values: of the models whose number is the same
         at every time, of those whose largest and smallest number differ by at most one, or, mean over models, of the
         times at which the number is that at time 1. The others are in columns beside it.
+    paired_with : str, optional
+        one of several segmenters, by its name in the rows, from which the tables have the differences of the others
     page : mapping
         which ``models`` the viewer of the page shows, at every time of the study, see
         `studies.experiments.change.Viewer`
@@ -176,6 +179,7 @@ class Times(Experiment):
     plate: Mapping[str, Any] = field(default_factory=dict)
     counted: str | Sequence[str] = COUNTED
     criterion: str = CRITERIA[0]
+    paired_with: str | None = None
     page: Mapping[str, Any] | Viewer | None = field(default_factory=Viewer)
 
     has_scenes: ClassVar[bool] = True
@@ -219,6 +223,7 @@ class Times(Experiment):
 
     def plan(self, study: str, dataset: Dataset, segmenters: Sequence[Segmenter]) -> list[Trial]:
         """One trial per model, segmenter and time."""
+        check_paired_with(self.paired_with, segmenters)
         for segmenter in segmenters:
             if not hasattr(segmenter.method, "at_times"):
                 raise StudyError(
@@ -282,11 +287,12 @@ class Times(Experiment):
         """One row per interval and way of counting; and the Change Percentage by time."""
         keys = by_segmenter(rows)
         groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
+        others = rows_of(rows, self.paired_with)
         records = [
             dict(zip(keys, key, strict=True)) | record
             for key, group in groups
             for low, high in self._pairs()
-            for record in self._unchanged(group, low, high)
+            for record in self._unchanged(group, low, high, others)
         ]
         columns = (
             SEGMENTER,
@@ -302,6 +308,7 @@ class Times(Experiment):
                    help=_HELP_OF_CRITERION[self.criterion]),
             Column(name="bounds", heading="95 % interval", template="{ci_low:.1f} – {ci_high:.1f}",
                    help="95 % bootstrap interval over models."),
+            difference_column(self.paired_with, "unchanged %", format="+z.1f", lower_is_better=False),
             PUBLISHED,
             *(
                 Column(name=criterion, heading=heading, format=".1f", lower_is_better=False, compact=False,
@@ -313,7 +320,12 @@ class Times(Experiment):
         )  # fmt: skip
         return [
             Table("table", frame_of(records), columns, notes=self.notes, value="unchanged"),
-            Table("by_time", summary(rows), columns_by_level(rows), value="mean"),
+            Table(
+                "by_time",
+                summary(rows, self.paired_with),
+                columns_by_level(rows, self.paired_with),
+                value="mean",
+            ),
         ]
 
     def _counted(self) -> tuple[str, ...]:
@@ -323,8 +335,13 @@ class Times(Experiment):
             raise StudyError(f"counted is {self.counted!r}: it must be one of {', '.join(COUNTED)}, or a list [a,b]")
         return tuple(counted)
 
-    def _unchanged(self, rows: pd.DataFrame, low: float, high: float) -> Iterator[dict[str, Any]]:
-        """How many models keep their number of segments from ``low`` to ``high``, by each way of counting."""
+    def _unchanged(
+        self, rows: pd.DataFrame, low: float, high: float, others: pd.DataFrame | None
+    ) -> Iterator[dict[str, Any]]:
+        """How many models keep their number of segments from ``low`` to ``high``, by each way of counting.
+
+        With the differences from the rows ``others``, if there are any.
+        """
         succeeded = rows[rows["status"] == "ok"]
         good = succeeded[succeeded["level"].between(low, high)]
         failed = rows.loc[rows["status"] != "ok", "model"].nunique()
@@ -332,23 +349,23 @@ class Times(Experiment):
             is_measured = column in rows and (good.empty or good[column].notna().any())
             if option not in self._counted() or not is_measured:
                 continue
-            kept = good[good["level"].isin([low, REFERENCE_TIME, high])] if is_coarse else good
-            numbers = kept.pivot(index="model", columns="level", values=column).astype(float).dropna(how="all")
-            reference = succeeded[succeeded["level"] == REFERENCE_TIME].set_index("model")[column].astype(float)
-            shares = {criterion: _share(numbers, reference, criterion) for criterion in CRITERIA}
+            tried = [time for time in good["level"].unique() if not is_coarse or time in (low, REFERENCE_TIME, high)]
+            shares = {criterion: _shares(succeeded, column, tried, criterion) for criterion in CRITERIA}
+            share = shares[self.criterion]
             yield {
                 "low": low,
                 "high": high,
                 "counted": name,
                 "criterion": self.criterion,
-                "times": kept["level"].nunique(),
-                **dict(zip(("unchanged", "ci_low", "ci_high"), shares[self.criterion], strict=True)),
+                "times": len(tried),
+                **dict(zip(("unchanged", "ci_low", "ci_high"), _mean_and_interval(share), strict=True)),
+                **({} if others is None else _difference(rows, others, column, tried, self.criterion)),
                 **{
                     f"{criterion}{suffix}": value
                     for criterion in CRITERIA[1:]
-                    for suffix, value in zip(("", "_low", "_high"), shares[criterion], strict=True)
+                    for suffix, value in zip(("", "_low", "_high"), _mean_and_interval(shares[criterion]), strict=True)
                 },
-                "n": len(numbers),
+                "n": len(shares[CRITERIA[0]]),
                 "failures": failed,
             }
 
@@ -399,25 +416,45 @@ class Times(Experiment):
         return TimesScenes([by_model[name] for name in names], REFERENCE_TIME) if names else None
 
 
-def _share(numbers: pd.DataFrame, reference: pd.Series, criterion: str) -> tuple[float, float, float]:
-    """The share, in percent, that a criterion takes for unchanged, and its interval over models.
+def _shares(rows: pd.DataFrame, column: str, times: Sequence[float], criterion: str) -> pd.Series:
+    """The share, in percent, that a criterion takes for unchanged, of each model.
 
     Parameters
     ----------
-    numbers : DataFrame
-        numbers of segments: a row per model, a column per time
-    reference : Series
-        the numbers of segments at the reference time, by model
+    rows : DataFrame
+        trials of one method that succeeded
+    column : str
+        the number of segments
+    times : sequence of float
+        those that are compared
     criterion : str
         one of `CRITERIA`
     """
-    import pandas as pd
-
+    numbers = (
+        rows[rows["level"].isin(times)].pivot(index="model", columns="level", values=column).astype(float)
+    ).dropna(how="all")
     if criterion == "share_of_times":
-        numbers = numbers[numbers.index.isin(reference.dropna().index)]
+        reference = rows[rows["level"] == REFERENCE_TIME].set_index("model")[column].astype(float).dropna()
+        numbers = numbers[numbers.index.isin(reference.index)]
         same = numbers.eq(reference.reindex(numbers.index), axis=0).sum(axis=1) / numbers.notna().sum(axis=1)
     else:
         same = numbers.max(axis=1) - numbers.min(axis=1) <= CRITERIA.index(criterion)
-    share = 100.0 * same.astype(float)
-    low, high = interval_of_mean(pd.DataFrame({"model": share.index, "share": share.to_numpy()}), "share")
-    return share.mean(), low, high
+    return 100.0 * same.astype(float)
+
+
+def _mean_and_interval(shares: pd.Series) -> tuple[float, float, float]:
+    """The mean over models, and its interval."""
+    import pandas as pd
+
+    values = pd.DataFrame({"model": shares.index, "share": shares.to_numpy()})
+    return shares.mean(), *interval_of_mean(values, "share")
+
+
+def _difference(
+    rows: pd.DataFrame, others: pd.DataFrame, column: str, times: Sequence[float], criterion: str
+) -> dict[str, float]:
+    """The mean over models of the difference of the shares of two methods, and its interval."""
+    shares, of_others = (_shares(each[each["status"] == "ok"], column, times, criterion) for each in (rows, others))
+    is_itself = set(rows["segmenter"]) == set(others["segmenter"])
+    mean, *interval = _mean_and_interval((shares - of_others).dropna()[: 0 if is_itself else None])
+    return difference(mean, (interval[0], interval[1]))

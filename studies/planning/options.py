@@ -22,7 +22,7 @@ from studies.planning.targets import REQUIRED, locate
 WITHOUT_EFFECT = {"repeats": 1, "gallery.models": 0, "page.models": 0}
 
 # Options of conf/config.yaml that are there for the experiment, whether it uses them or not.
-FOR_EXPERIMENT = ("repeats", "swept", "gallery", "page")
+FOR_EXPERIMENT = ("repeats", "swept", "gallery", "page", "paired_with")
 
 # Options of groups that no class checks.
 OPTIONS_OF_GROUP = {

@@ -14,7 +14,8 @@ from studies.planning.targets import locate
 # refers, so that a study may choose them for the datasets that have some.
 INCIDENTAL = (
     "engine", "results_dir", "trial", "gallery", "page", "on_error", "retry_failed", "fresh", "dry_run", "hydra",
-    "title", "axis", "publication", "plates", "figure15", "counted", "criterion", "study", "categories",
+    "title", "axis", "publication", "plates", "figure15", "counted", "criterion", "paired_with", "study",
+    "categories",
 )  # fmt: skip
 # Options that choose which trials there are. Rows for different values of them belong together.
 SELECTING = ("levels", "repeats", "times", "models_drawn", "seed")
@@ -23,6 +24,7 @@ SELECTING_IN_DATASET = ("root", "glob", "models", "categories")
 # Options of an experiment, in the shipped studies references to options of the study, that are not its identity.
 _SELECTING_IN_EXPERIMENT = (
     *SELECTING, "gallery", "page", "title", "axis", "plates", "plate", "columns_shown", "counted", "criterion",
+    "paired_with",
 )  # fmt: skip
 
 # Options of a study whose folder gathers rows of several methods, as its experiment declares them.

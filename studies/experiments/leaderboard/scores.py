@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from perturb import PerturbationError
 from studies.experiments.leaderboard.cards import Card, cards_of
+from studies.experiments.pairing import difference
 from studies.statistics.bootstrap import NO_INTERVAL, quantile_interval
 from studies.statistics.paired import intervals, resampled_counts, resampled_mce, resampled_means
 from studies.statistics.ranks import pareto_front, shared_ranks
@@ -264,11 +265,7 @@ class Scores:
         paired = name != other and name in samples and other in samples
         low, high = quantile_interval(samples[name] - samples[other]) if paired else NO_INTERVAL
         known = name != other and other in self.methods
-        return {
-            "difference": mce[name] - mce[other] if known else np.nan,
-            "difference_low": low,
-            "difference_high": high,
-        }
+        return difference(mce[name] - mce[other] if known else np.nan, (low, high))
 
     def _ranks(
         self, mce: pd.Series, samples: dict[str, NDArray[np.float64]], methods: Sequence[str] | None = None

@@ -9,6 +9,7 @@ from typing import Any
 from studies.columns import Column, Table
 from studies.experiments.leaderboard.cards import TOLD_MARK, Card
 from studies.experiments.leaderboard.scores import MEMORY, Scores
+from studies.experiments.pairing import difference_column
 from studies.reporting.text import count_of
 
 NOTES = (
@@ -125,10 +126,7 @@ def _board_columns(scores: Scores) -> tuple[Column, ...]:
     if other is None:
         return _BOARD
     title = scores.cards[other].title if other in scores.cards else other
-    difference = Column(
-        name="difference", format="+.2f", lower_is_better=True, bounds=("difference_low", "difference_high"),
-        help=f"mCE minus that of {title}, with the 95 % interval of the difference: of the same models in both.",
-    )  # fmt: skip
+    difference = difference_column(title, "mCE", format="+z.2f", lower_is_better=True)
     after = next(i for i, column in enumerate(_BOARD) if column.name == "mce") + 1
     return (*_BOARD[:after], difference, *_BOARD[after:])
 

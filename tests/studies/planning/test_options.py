@@ -54,7 +54,7 @@ def own(own_modules, monkeypatch, configured):
             "^repeats is not an option of the study anatomy, whose options are page, plates$",
         ),
         (("+study=versatility", "gallery.style=edges"), r"^gallery\.style is not an option of the study versatility"),
-        (("+study=table1", "repeats=5", "dataset.root=x"), "table1, whose options are page$"),
+        (("+study=table1", "repeats=5", "dataset.root=x"), "table1, whose options are page, paired_with$"),
         (("+study=time", "swept=height"), "^swept is not an option of the study time, whose options are counted, "),
         (("+study=pose", "gallery.models=2", "dataset.root=x"), r"^gallery\.models is not an option of the study pose"),
         (("+study=holes", "+reapeats=2"), "^reapeats is not an option of the study holes, whose options are axis, "),
