@@ -106,3 +106,29 @@ def adjacency(faces: NDArray[np.int64], n_vertices: int) -> tuple[NDArray[np.int
     for vertex in range(n_vertices):
         starts[vertex + 1] = max(starts[vertex + 1], starts[vertex])
     return starts, neighbours[:count].copy()
+
+
+@compiled
+def without_long_edges(
+    vertices: NDArray[np.float64], starts: NDArray[np.int64], neighbours: NDArray[np.int64], most: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The neighbours, as of `adjacency`, along edges of at most so many times the median length at an end."""
+    n = len(vertices)
+    lengths, median = np.zeros(len(neighbours)), np.zeros(n)
+    for v in range(n):
+        for i in range(starts[v], starts[v + 1]):
+            square = 0.0
+            for k in range(3):
+                square += (vertices[v, k] - vertices[neighbours[i], k]) ** 2
+            lengths[i] = np.sqrt(square)
+        if starts[v] < starts[v + 1]:
+            median[v] = np.median(lengths[starts[v] : starts[v + 1]])
+    kept, kept_starts = np.empty_like(neighbours), np.zeros_like(starts)
+    count = 0
+    for v in range(n):
+        for i in range(starts[v], starts[v + 1]):
+            if lengths[i] <= most * max(median[v], median[neighbours[i]]):
+                kept[count] = neighbours[i]
+                count += 1
+        kept_starts[v + 1] = count
+    return kept_starts, kept[:count].copy()

@@ -41,7 +41,7 @@ from heatwalk.laplacian import vertex_components
 from heatwalk.numerics.compilation import compiled
 from heatwalk.numerics.triangles import areas
 from heatwalk.robust.half_edges import BOUNDARY, NON_MANIFOLD, head, partners, tail
-from heatwalk.robust.holes import Loops, boundary_loops, fill
+from heatwalk.robust.holes import Denoised, Loops, boundary_loops, fill, unchanged
 
 # Rounds of cutting: loops that share a vertex with one that is cut have to wait for the next.
 MAX_ROUNDS = 12
@@ -55,7 +55,11 @@ MIN_SPIKE = 0.5
 
 
 def cut_thin_handles(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], max_length: float, min_excess: float
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int64],
+    max_length: float,
+    min_excess: float,
+    denoised: Denoised = unchanged,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], int, int]:
     """Cut thin handles, and spikes that touch the surface with their tips.
 
@@ -68,6 +72,8 @@ def cut_thin_handles(
         of the loops that are cut, relative to the square root of the area
     min_excess : float
         angle by which the surface around a loop exceeds a flat one, in radians; 2π at the sharp end of a tube
+    denoised : callable
+        on what lengths and angles are measured: noise inflates the area, and turns the surface around any loop
 
     Returns
     -------
@@ -82,7 +88,7 @@ def cut_thin_handles(
     vertices, faces, n_parted = _part_contacts(vertices, faces)
     n_cut = 0
     for _ in range(MAX_ROUNDS):
-        found = _thin_loops(vertices, faces, max_length, min_excess)
+        found = _thin_loops(vertices, faces, max_length, min_excess, denoised)
         if found is None:
             break
         vertices, faces, count = _cut(vertices, faces, *found)
@@ -134,12 +140,13 @@ def _fill_loops_among(
 
 
 def _thin_loops(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], max_length: float, min_excess: float
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], max_length: float, min_excess: float, denoised: Denoised
 ) -> tuple[Loops, NDArray[np.uint64]] | None:
     """Loops of vertices around thin handles, the shortest first, and their words; None if there are none."""
     closed = closed_copy(faces, len(vertices))
     if closed.genus == 0:
         return None
+    vertices = denoised(vertices, faces)
     word = signatures(closed.faces, closed.partner, len(closed.origin))
     graph = _edges_around(closed.faces, closed.partner, word, vertices, closed.origin)
     starts, members, lengths, words = _shortest_loops(*graph, max_length * np.sqrt(areas(vertices, faces).sum()))

@@ -22,6 +22,7 @@ P. Liepa, "Filling holes in meshes", 2003, doi:10.2312/SGP/SGP03/200-206;
 G. Barequet, M. Sharir, "Filling gaps in the boundary of a polyhedron", 1995, doi:10.1016/0167-8396(94)00011-G
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,8 +100,17 @@ def loop_lengths(vertices: NDArray[np.float64], loops: Loops) -> NDArray[np.floa
     return np.add.reduceat(steps, loops.starts[:-1]) if len(loops) else np.empty(0)
 
 
+# The vertices of a surface, given by vertices and faces, without spikes and noise.
+Denoised = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.float64]]
+
+
+def unchanged(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The vertices of a surface that is taken as it is."""
+    return vertices
+
+
 def fill_small_holes(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], max_share: float
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], max_share: float, denoised: Denoised = unchanged
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
     """Fill the holes that are small against the surface.
 
@@ -111,6 +121,8 @@ def fill_small_holes(
         without repeated corners
     max_share : float
         of the area of the surface that a disc with the perimeter of a hole may have
+    denoised : callable
+        on what both are measured: noise inflates them
 
     Returns
     -------
@@ -133,7 +145,8 @@ def fill_small_holes(
     loops = boundary_loops(faces, len(vertices))
     if not len(loops):
         return vertices, faces, 0
-    small = loop_lengths(vertices, loops) ** 2 / (4 * np.pi) <= max_share * areas(vertices, faces).sum()
+    smooth = denoised(vertices, faces)
+    small = loop_lengths(smooth, loops) ** 2 / (4 * np.pi) <= max_share * areas(smooth, faces).sum()
     return (*fill(vertices, faces, loops.subset(small)), int(np.count_nonzero(small)))
 
 

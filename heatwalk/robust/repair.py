@@ -8,11 +8,14 @@ from numpy.typing import NDArray
 
 from heatwalk.meshes import repeats_earlier_face
 from heatwalk.robust.fairing import fair
-from heatwalk.robust.half_edges import NON_MANIFOLD, adjacency, partners
+from heatwalk.robust.half_edges import NON_MANIFOLD, adjacency, partners, without_long_edges
 from heatwalk.robust.handles import cut_thin_handles
 from heatwalk.robust.holes import fill_small_holes
 from heatwalk.robust.spikes import remove_spikes
 from heatwalk.robust.welds import part_welds
+
+# Edges that are so many times as long as the others at both of their ends may be those of a thin handle.
+MAX_EDGE = 3.0
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,36 @@ class Repair:
                 raise ValueError(f"{name} must be at least 0 and finite, got {value!r}")
         if not isinstance(self.max_sweeps, int) or self.max_sweeps < 0:
             raise ValueError(f"max_sweeps must be a whole number, at least 0, got {self.max_sweeps!r}")
+
+    def denoised(
+        self, vertices: NDArray[np.float64], faces: NDArray[np.int64], *, with_handles: bool = False
+    ) -> tuple[NDArray[np.float64], int, int]:
+        """The vertices without spikes and noise, how many spikes there were, and how many sweeps were made.
+
+        ``with_handles``: nothing is averaged along edges that are much longer than others, as those of a tube.
+        """
+        n_moved = sweeps = 0
+        neighbours = adjacency(faces, len(vertices))
+        if self.remove_spikes:
+            vertices, moved = remove_spikes(vertices, *neighbours)
+            n_moved = int(np.count_nonzero(moved))
+        if self.fair:
+            if with_handles:
+                neighbours = without_long_edges(vertices, *neighbours, MAX_EDGE)
+            vertices, sweeps = fair(
+                vertices,
+                faces,
+                *neighbours,
+                strength=self.strength,
+                tolerance=self.tolerance,
+                max_sweeps=self.max_sweeps,
+                max_restored=self.max_restored,
+            )
+        return vertices, n_moved, sweeps
+
+    def denoised_vertices(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The vertices without spikes and noise."""
+        return self.denoised(vertices, faces, with_handles=True)[0]
 
 
 @dataclass(frozen=True)
@@ -131,25 +164,14 @@ def repaired(vertices: NDArray[np.float64], faces: NDArray[np.int64], options: R
     if options.cut_handles:
         vertices, surface, report["welds_parted"] = part_welds(vertices, surface)
     if options.fill_holes:
-        vertices, surface, report["holes_filled"] = fill_small_holes(vertices, surface, options.max_hole)
+        vertices, surface, report["holes_filled"] = fill_small_holes(
+            vertices, surface, options.max_hole, options.denoised_vertices
+        )
     if options.cut_handles:
         vertices, surface, report["handles_cut"], report["contacts_parted"] = cut_thin_handles(
-            vertices, surface, options.max_handle, options.min_excess
+            vertices, surface, options.max_handle, options.min_excess, options.denoised_vertices
         )
-    neighbours = adjacency(surface, len(vertices))
-    if options.remove_spikes:
-        vertices, moved = remove_spikes(vertices, *neighbours)
-        report["vertices_moved"] = int(np.count_nonzero(moved))
-    if options.fair:
-        vertices, report["sweeps"] = fair(
-            vertices,
-            surface,
-            *neighbours,
-            strength=options.strength,
-            tolerance=options.tolerance,
-            max_sweeps=options.max_sweeps,
-            max_restored=options.max_restored,
-        )
+    vertices, report["vertices_moved"], report["sweeps"] = options.denoised(vertices, surface)
     kept = np.arange(len(vertices)) < n
     kept[surface] = True
     number = np.cumsum(kept) - 1

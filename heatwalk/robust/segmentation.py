@@ -38,7 +38,7 @@ from heatwalk.segmentation import (
 from heatwalk.spectrum import Spectrum, SpectrumSolver
 
 # Increased when a change of the code changes labels, so that stored results of older versions are not reused.
-ROBUST_VERSION = 4
+ROBUST_VERSION = 5
 
 # Least weight of an eigenvalue in the averaged kernel: labels are those of all smaller values too.
 MIN_DECAY = 1e-6

@@ -15,7 +15,8 @@ from heatwalk.robust.handles import (
     split_fans,
 )
 from heatwalk.robust.holes import fill_small_holes
-from perturb import ShortCircuits, as_trimesh
+from heatwalk.robust.repair import repaired
+from perturb import NormalNoise, ShortCircuits, ShotNoise, as_trimesh
 from tests.heatwalk.robust.meshes import arrays, blob, is_nearly, with_tube
 
 LIMITS = {"max_length": 0.12, "min_excess": 3.2}
@@ -78,6 +79,23 @@ def test_real_handles_stay():
 def test_a_thin_tube_with_rings_of_its_own_stays_like_the_rung_of_a_chair(fine, places):
     vertices, faces = arrays(with_tube(fine, *places, 6, rings=4))
     assert cut_thin_handles(vertices, faces, **LIMITS)[2] == 0
+
+
+@pytest.mark.parametrize(
+    "roughen",
+    [
+        ShotNoise(amount=0.06, height=0.3, height_unit="bounding_box_diagonal"),
+        ShotNoise(amount=0.3),
+        NormalNoise(amount=0.6),
+    ],
+    ids=["spikes", "shot noise", "noise"],
+)
+def test_noise_does_not_make_a_rung_a_bridge_nor_a_bridge_a_rung(fine, places, roughen):
+    """Noise inflates the area that lengths are compared with, and turns the surface around any loop."""
+    for rings, n_expected in ((16, 0), (0, 1)):
+        mesh = with_tube(fine, *places, 8, rings=rings)
+        rough = roughen(mesh, np.random.default_rng(1)).mesh
+        assert repaired(*arrays(rough)).report["handles_cut"] == n_expected
 
 
 def test_a_wide_tube_stays(places):
