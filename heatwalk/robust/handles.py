@@ -8,7 +8,8 @@ next to no excess; a tube between two limbs, a strip or two fingers that touch a
     its shortest loop is short against the shape, up to a share of the square root of the area, and
     the excess of angles on it and within an eighth of its length is more than half of 2π.
 
-How many edges the loop has plays no role.
+How many edges the loop has plays no role. Both are measured on the surface without its spikes and noise: these inflate
+the area, and turn the surface around any loop, so that the handles of cups and chairs would be cut.
 
     remove spikes whose tips touch the surface in a vertex: what a single triangle between two parts is, once filled
     repeat while something is cut:

@@ -297,7 +297,7 @@ def _differences(rows: pd.DataFrame, paired_with: str | None) -> Table | None:
     records: list[dict[str, Any]] = []
     for name, group in good[good["segmenter"] != paired_with].groupby("segmenter", sort=False):
         pairs = {metric: matched(group, others, metric, ["model"]) for metric in psb.MAIN}
-        records.append(_named(str(name)) | {"n": len(pairs[psb.MAIN[0]])})
+        records.append({METHOD.name: name, "n": len(pairs[psb.MAIN[0]])})
         for metric, of_metric in pairs.items():
             records[-1] |= difference(of_metric[metric].mean(), interval_of_mean(of_metric, metric), metric)
     columns = [
@@ -310,7 +310,7 @@ def _differences(rows: pd.DataFrame, paired_with: str | None) -> Table | None:
     return Table(
         name="differences",
         frame=frame_of(records),
-        columns=(METHOD, SOURCE, *columns, MODELS),
+        columns=(METHOD, *columns, MODELS),
         notes=f"The metrics of each method minus those of {paired_with}; negative: nearer to people.",
     )
 

@@ -11,6 +11,7 @@ from studies.experiments import Benchmark, Change, Poses, Times
 from studies.experiments.change import summary
 from studies.metrics import psb
 from studies.planning.errors import StudyError
+from studies.reporting.publication import Publication
 from studies.reporting.text import markdown_of
 from studies.storage.identity import identity
 from tests.studies.conftest import configured_with
@@ -133,6 +134,8 @@ def test_the_scores_of_table_1_have_their_differences_in_a_table_of_their_own():
         )
         assert frame.loc["Humans", metric] == pytest.approx(-0.2)
     assert frame["n"].tolist() == [2, 1]
+    # What others have published of methods are values, not differences.
+    assert Publication.load("heat_walk_2011").annotate(tables["differences"], rows) is tables["differences"]
     assert "differences" not in {table.name for table in Benchmark().tables(rows)}
 
 
