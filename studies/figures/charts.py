@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 MOST_MODEL_LINES = 10  # models that are drawn as a line each; quartiles are drawn for more models
 MOST_HEAT_MAPS_PER_ROW = 4
 MOST_METHODS = 4  # whose curves or matrices can be told apart in a chart; of more, means are shown
+MOST_CURVES = 8  # methods whose curves over levels can be told apart; of more, a matrix has the numbers
 MOST_PANELS_OF_MEANS = 5
 FEWEST_ROUND_VALUES = 3  # which label an axis well; with fewer, every value is labelled
 NARROW_PANEL = 0.45  # relative width of a panel with a single level
@@ -364,7 +365,7 @@ def level_curve(table: Table, rows: pd.DataFrame, axis: str, title: str) -> Char
     """Mean Change Percentage by level with its 95 % interval, for each segmenter.
 
     With a single segmenter, the models behind the mean are shown as well: up to ``MOST_MODEL_LINES`` models as a line
-    each, more as the band between the quartiles of their means.
+    each, more as the band between the quartiles of their means. For more than ``MOST_CURVES``, see `level_matrix`.
 
     Parameters
     ----------
@@ -394,6 +395,8 @@ def level_curve(table: Table, rows: pd.DataFrame, axis: str, title: str) -> Char
     >>> [(series.label, series.y) for series in chart.panels[0].series]
     [('each model', (3.0, 4.0)), ('mean, 95 % interval (1 model)', (3.0, 4.0))]
     """
+    if len(_segmenters(table.frame)) > MOST_CURVES:
+        return level_matrix(table, {}, title, f"mean Change Percentage by {axis} ({_units(table.frame)})")
     several = _has_several_segmenters(table.frame)
     n_models = rows.loc[rows["change_percentage"].notna(), "model"].nunique()
     mean_label = f"{MEAN} ({count_of(n_models, 'model')})"
@@ -411,7 +414,7 @@ def part_panels(table: Table, named: Mapping[str, tuple[str, str]], title: str) 
     """Change Percentage by level, a panel for each part of the study.
 
     Each panel has its own scale of Change Percentage, since one perturbation changes ten times as much as another.
-    Medians are shown only with a single segmenter.
+    Medians are shown only with a single segmenter. For more than ``MOST_CURVES``, see `level_matrix`.
 
     Parameters
     ----------
@@ -436,8 +439,11 @@ def part_panels(table: Table, named: Mapping[str, tuple[str, str]], title: str) 
     >>> chart.panels[0].title, chart.panels[0].x.label, chart.panels[0].width
     ('Holes', 'removed\\n(triangles)', 0.45)
     """
-    several = _has_several_segmenters(table.frame)
     segmenters = _segmenters(table.frame)
+    if len(segmenters) > MOST_CURVES:
+        headings = {part: heading for part, (heading, _) in named.items()}
+        return level_matrix(table, headings, title, "mean Change Percentage by level; lower is better")
+    several = len(segmenters) > 1
     panels: list[Panel] = []
     for part, frame in table.frame.groupby("part", sort=False):
         heading, axis = named[str(part)]
@@ -456,6 +462,52 @@ def part_panels(table: Table, named: Mapping[str, tuple[str, str]], title: str) 
         )
     subtitle = OWN_SCALES if len(panels) > 1 else ""
     return Chart(title, tuple(panels), legend_title=MEAN if several else "", subtitle=subtitle)
+
+
+def level_matrix(table: Table, headings: Mapping[str, str], title: str, subtitle: str = "") -> Chart:
+    """The mean Change Percentage of each of many segmenters at each level, as numbers; those published in a column.
+
+    Parameters
+    ----------
+    table : Table
+        ``frame`` has the columns segmenter, part, level, mean
+    headings : mapping of str to str
+        titles of parts, which stand before their levels
+    title, subtitle : str
+        above the chart
+
+    Returns
+    -------
+    Chart
+        a matrix: a row per level, a column per segmenter
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> frame = pd.DataFrame({"segmenter": ["A", "B"], "part": "holes", "level": 58.0, "mean": [1.0, 2.5]})
+    >>> (matrix,) = level_matrix(Table("table", frame), {"holes": "Holes"}, "Table 2").panels
+    >>> matrix.rows, matrix.columns, matrix.values
+    (('Holes 58',), ('A', 'B'), ((1.0, 2.5),))
+    """
+    means = table.frame.pivot(index=["part", "level"], columns="segmenter", values="mean")
+    means = means.reindex(
+        index=list(dict.fromkeys(zip(table.frame["part"], table.frame["level"], strict=True))),
+        columns=_segmenters(table.frame),
+    )
+    short = options_of_variants(means.columns)
+    columns = [short.get(name, name) for name in means.columns]
+    if table.published is not None:
+        known = table.frame.dropna(subset=[table.published.column]).drop_duplicates(["part", "level"])
+        means["published"] = known.set_index(["part", "level"])[table.published.column]
+        columns.append(table.published.label)
+    matrix = Matrix(
+        rows=tuple(f"{headings.get(part, '')} {level:g}".strip() for part, level in means.index),
+        columns=tuple(columns),
+        values=tuple(_numbers(row) for row in means.to_numpy(dtype=float)),
+        first_apart=len(means),
+        label=CHANGE,
+    )
+    return Chart(title, (matrix,), subtitle=subtitle)
 
 
 def swept_curve(table: Table, options: Sequence[str], title: str) -> Chart | None:

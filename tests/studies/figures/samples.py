@@ -91,13 +91,16 @@ def _means():
     return frame.assign(ci_low=frame["mean"] - 2, ci_high=frame["mean"] + 3, published=[8.0, *[np.nan] * 8])
 
 
+MANY = [f"method {i}" for i in range(9)]
 METRICS = [Column(name="hamming", heading="HD"), Column(name="gce", heading="GCE")]
 
 CHARTS = {
     "curve": _curve(None),
     "curves of two segmenters": _curve(SEGMENTERS),
+    "levels of many segmenters": _curve(MANY),
     "panels": _panels(None),
     "panels of two segmenters": _panels(SEGMENTERS),
+    "parts of many segmenters": _panels(MANY),
     "times": _times(None),
     "times of two segmenters": _times(SEGMENTERS),
     "matrices": _matrices(None),

@@ -15,7 +15,7 @@ from studies.figures.charts import (
     part_panels,
     segment_counts,
 )
-from tests.studies.figures.samples import CHARTS, INTERVALS, level_table, rows_of_levels, rows_of_times
+from tests.studies.figures.samples import CHARTS, INTERVALS, MANY, level_table, rows_of_levels, rows_of_times
 
 
 @pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
@@ -87,6 +87,26 @@ def test_published_values_are_one_series_unless_those_of_the_segmenters_differ(s
     table.frame.loc[table.frame["segmenter"] == "cuts", "published"] = second
     (panel,) = level_curve(table, rows_of_levels([1.0, 2.0], 3), "holes", "Holes").panels
     assert [series.label for series in panel.series if series.role == "published"] == labels
+
+
+def test_more_curves_than_can_be_told_apart_are_numbers_in_a_matrix():
+    levels = [1.0, 2.0, 4.0]
+    table = level_table("holes", levels, [2.0, np.nan, 3.0], MANY)
+    (matrix,) = level_curve(table, rows_of_levels(levels, 2, MANY), "holes", "Holes").panels
+    assert (matrix.rows, matrix.columns) == (("1", "2", "4"), (*MANY, "Smith 2011"))
+    for j, name in enumerate(MANY):
+        means = table.frame.loc[table.frame["segmenter"] == name, "mean"]
+        assert [row[j] for row in matrix.values] == means.tolist()
+    assert [row[-1] for row in matrix.values] == [2.0, None, 3.0]
+    fewer = level_table("holes", levels, segmenters=MANY[1:])
+    (panel,) = level_curve(fewer, rows_of_levels(levels, 2, MANY[1:]), "holes", "Holes").panels
+    assert len(panel.series) == len(MANY) - 1
+
+
+def test_parts_of_many_segmenters_are_named_in_the_rows_of_the_matrix():
+    (matrix,) = CHARTS["parts of many segmenters"].panels
+    assert matrix.rows == ("Short circuits 10", "Holes 58", "Holes 250")
+    assert matrix.values[1][:2] == (1.0, 4.0)
 
 
 def test_each_part_is_a_panel_whose_width_depends_on_its_number_of_levels():
