@@ -496,8 +496,9 @@ def level_matrix(table: Table, headings: Mapping[str, str], title: str, subtitle
     )
     short = options_of_variants(means.columns)
     columns = [short.get(name, name) for name in means.columns]
-    if table.published is not None:
-        known = table.frame.dropna(subset=[table.published.column]).drop_duplicates(["part", "level"])
+    known = table.frame.dropna(subset=[table.published.column]) if table.published else table.frame.iloc[:0]
+    if table.published and not known.empty:
+        known = known.drop_duplicates(["part", "level"])
         means["published"] = known.set_index(["part", "level"])[table.published.column]
         columns.append(table.published.label)
     matrix = Matrix(

@@ -177,7 +177,8 @@ def _charts(results: Results, charts: Mapping[str, Chart], numbers: Mapping[str,
     """The charts of the study, with a point for each trial."""
     blocks = []
     for stem, chart in charts.items():
-        marks = _marks(results, numbers) if stem == results.name else {}
+        has_curves = stem == results.name and all(panel.kind == "panel" for panel in chart.panels)
+        marks = _marks(results, numbers) if has_curves else {}
         heading = "By level" if marks else "Chart" if stem == results.name else in_words(stem)
         notes = chart.subtitle
         if marks:

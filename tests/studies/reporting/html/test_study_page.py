@@ -77,6 +77,14 @@ def test_of_very_many_trials_the_means_of_models_are_points(stored, monkeypatch)
     assert "means of each model" in chart.notes
 
 
+def test_the_numbers_of_many_methods_have_no_points(stored):
+    rows = pd.concat([stored.rows.assign(segmenter=f"method {i}") for i in range(9)], ignore_index=True)
+    page = study_page.study_page(dataclasses.replace(stored, rows=rows))
+    chart = block(page, "Chart")
+    assert "single trials" not in chart.notes
+    assert all(f"method {i}" in chart.drawings[0].svg for i in range(9))
+
+
 def test_the_worst_cases_come_first(stored):
     shown = block(study_page.study_page(stored), "Worst cases")
     values = sorted(stored.rows["change_percentage"], reverse=True)[: len(shown.rows)]
