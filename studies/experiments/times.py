@@ -288,11 +288,13 @@ class Times(Experiment):
         keys = by_segmenter(rows)
         groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
         others = rows_of(rows, self.paired_with)
+        of_others = None if others is None else _numbers_of(others)
         records = [
             dict(zip(keys, key, strict=True)) | record
             for key, group in groups
+            for numbers in [_numbers_of(group)]
             for low, high in self._pairs()
-            for record in self._unchanged(group, low, high, others)
+            for record in self._unchanged(numbers, low, high, of_others)
         ]
         columns = (
             SEGMENTER,
@@ -336,21 +338,20 @@ class Times(Experiment):
         return tuple(counted)
 
     def _unchanged(
-        self, rows: pd.DataFrame, low: float, high: float, others: pd.DataFrame | None
+        self, numbers: _Numbers, low: float, high: float, others: _Numbers | None
     ) -> Iterator[dict[str, Any]]:
         """How many models keep their number of segments from ``low`` to ``high``, by each way of counting.
 
-        With the differences from the rows ``others``, if there are any.
+        With the differences from the numbers of another method, if there are any.
         """
-        succeeded = rows[rows["status"] == "ok"]
-        good = succeeded[succeeded["level"].between(low, high)]
-        failed = rows.loc[rows["status"] != "ok", "model"].nunique()
+        times = [time for time in numbers.times if low <= time <= high]
         for name, column, is_coarse, option in _COUNTINGS:
-            is_measured = column in rows and (good.empty or good[column].notna().any())
-            if option not in self._counted() or not is_measured:
+            by_time = numbers.by_time.get(column)
+            is_measured = by_time is not None and (not times or by_time[times].notna().any(axis=None))
+            if option not in self._counted() or by_time is None or not is_measured:
                 continue
-            tried = [time for time in good["level"].unique() if not is_coarse or time in (low, REFERENCE_TIME, high)]
-            shares = {criterion: _shares(succeeded, column, tried, criterion) for criterion in CRITERIA}
+            tried = [time for time in times if not is_coarse or time in (low, REFERENCE_TIME, high)]
+            shares = {criterion: _shares(by_time, tried, criterion) for criterion in CRITERIA}
             share = shares[self.criterion]
             yield {
                 "low": low,
@@ -359,14 +360,14 @@ class Times(Experiment):
                 "criterion": self.criterion,
                 "times": len(tried),
                 **dict(zip(("unchanged", "ci_low", "ci_high"), _mean_and_interval(share), strict=True)),
-                **({} if others is None else _difference(rows, others, column, tried, self.criterion)),
+                **({} if others is None else _difference(share, numbers, others, column, tried, self.criterion)),
                 **{
                     f"{criterion}{suffix}": value
                     for criterion in CRITERIA[1:]
                     for suffix, value in zip(("", "_low", "_high"), _mean_and_interval(shares[criterion]), strict=True)
                 },
                 "n": len(shares[CRITERIA[0]]),
-                "failures": failed,
+                "failures": numbers.n_failed,
             }
 
     def charts(self, study: str, tables: Mapping[str, Table], rows: pd.DataFrame, title: str) -> dict[str, Chart]:
@@ -416,27 +417,56 @@ class Times(Experiment):
         return TimesScenes([by_model[name] for name in names], REFERENCE_TIME) if names else None
 
 
-def _shares(rows: pd.DataFrame, column: str, times: Sequence[float], criterion: str) -> pd.Series:
+@dataclass(frozen=True)
+class _Numbers:
+    """The numbers of segments by one method.
+
+    Parameters
+    ----------
+    segmenter : str
+    times : list of float
+        those at which a trial succeeded
+    by_time : dict of str to DataFrame
+        of each way of counting that has a column in the rows: a row per model, a column per time
+    n_failed : int
+        models with a failed trial
+    """
+
+    segmenter: str
+    times: list[float]
+    by_time: Mapping[str, pd.DataFrame]
+    n_failed: int
+
+
+def _numbers_of(rows: pd.DataFrame) -> _Numbers:
+    """The numbers of segments in the rows of one method."""
+    good = rows[rows["status"] == "ok"]
+    columns = dict.fromkeys(column for _, column, _, _ in _COUNTINGS if column in rows)
+    return _Numbers(
+        "".join(rows["segmenter"].iloc[:1]),
+        good["level"].unique().tolist(),
+        {name: good.pivot(index="model", columns="level", values=name).astype(float) for name in columns},
+        rows.loc[rows["status"] != "ok", "model"].nunique(),
+    )
+
+
+def _shares(by_time: pd.DataFrame, times: Sequence[float], criterion: str) -> pd.Series:
     """The share, in percent, that a criterion takes for unchanged, of each model.
 
     Parameters
     ----------
-    rows : DataFrame
-        trials of one method that succeeded
-    column : str
-        the number of segments
+    by_time : DataFrame
+        numbers of segments: a row per model, a column per time
     times : sequence of float
         those that are compared
     criterion : str
         one of `CRITERIA`
     """
-    numbers = (
-        rows[rows["level"].isin(times)].pivot(index="model", columns="level", values=column).astype(float)
-    ).dropna(how="all")
+    numbers = by_time[list(times)].dropna(how="all")
     if criterion == "share_of_times":
-        reference = rows[rows["level"] == REFERENCE_TIME].set_index("model")[column].astype(float).dropna()
-        numbers = numbers[numbers.index.isin(reference.index)]
-        same = numbers.eq(reference.reindex(numbers.index), axis=0).sum(axis=1) / numbers.notna().sum(axis=1)
+        known = by_time[REFERENCE_TIME].dropna() if REFERENCE_TIME in by_time else by_time.iloc[:0, 0]
+        numbers = numbers[numbers.index.isin(known.index)]
+        same = numbers.eq(known.reindex(numbers.index), axis=0).sum(axis=1) / numbers.notna().sum(axis=1)
     else:
         same = numbers.max(axis=1) - numbers.min(axis=1) <= CRITERIA.index(criterion)
     return 100.0 * same.astype(float)
@@ -451,10 +481,10 @@ def _mean_and_interval(shares: pd.Series) -> tuple[float, float, float]:
 
 
 def _difference(
-    rows: pd.DataFrame, others: pd.DataFrame, column: str, times: Sequence[float], criterion: str
+    share: pd.Series, numbers: _Numbers, others: _Numbers, column: str, times: Sequence[float], criterion: str
 ) -> dict[str, float]:
     """The mean over models of the difference of the shares of two methods, and its interval."""
-    shares, of_others = (_shares(each[each["status"] == "ok"], column, times, criterion) for each in (rows, others))
-    is_itself = set(rows["segmenter"]) == set(others["segmenter"])
-    mean, *interval = _mean_and_interval((shares - of_others).dropna()[: 0 if is_itself else None])
+    is_other = numbers.segmenter != others.segmenter and set(times) <= set(others.times)
+    of_others = _shares(others.by_time[column], times, criterion) if is_other else share.iloc[:0]
+    mean, *interval = _mean_and_interval((share - of_others).dropna())
     return difference(mean, (interval[0], interval[1]))
