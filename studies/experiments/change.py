@@ -45,7 +45,7 @@ from studies.planning.trial import COLUMNS, Trial, planned_row
 from studies.planning.trial_ids import TrialIds
 from studies.planning.types import expectation, has_type, wrong_types
 from studies.segmenters import Segmenter
-from studies.statistics.bootstrap import interval_of_mean, model_mean, model_means_by
+from studies.statistics.bootstrap import NO_INTERVAL, interval_of_mean, model_mean, model_means_by
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -716,7 +716,7 @@ def summary(rows: pd.DataFrame, paired_with: str | None = None) -> pd.DataFrame:
     succeeded = rows[rows["status"] == "ok"]
     mean_of = model_means_by(succeeded, keys, [MEASURE, *means])
     others = rows_of(succeeded, paired_with)
-    of_level = {} if others is None else dict(iter(others.groupby(keys[-3:], sort=False)))
+    differences = None if others is None else _differences(succeeded, others, keys)
     for key, group in rows.groupby(keys, sort=False):
         good = group[group["status"] == "ok"]
         mean = mean_of.get(key, dict.fromkeys([MEASURE, *means], math.nan))
@@ -724,7 +724,7 @@ def summary(rows: pd.DataFrame, paired_with: str | None = None) -> pd.DataFrame:
             {
                 **dict(zip(keys, key, strict=True)),
                 **_mean_and_interval(good, mean[MEASURE]),
-                **({} if others is None else _difference(good, of_level.get(key[-3:], others.iloc[:0]))),
+                **({} if differences is None else differences.get(key, difference(math.nan, NO_INTERVAL))),
                 **{name: mean[name] for name in means},
                 "n": len(good),
                 "failures": len(group) - len(good),
@@ -804,10 +804,16 @@ def _mean_and_interval(rows: pd.DataFrame, mean: float) -> dict[str, float]:
     return {"mean": mean, "ci_low": low, "ci_high": high, "median": rows[MEASURE].median()}
 
 
-def _difference(rows: pd.DataFrame, others: pd.DataFrame) -> dict[str, float]:
-    """The mean over models of the difference of Change Percentages under the same draws, and its interval."""
-    pairs = matched(rows, others, MEASURE, ["model", "repeat"])
-    return difference(model_mean(pairs, MEASURE), interval_of_mean(pairs, MEASURE))
+def _differences(
+    rows: pd.DataFrame, others: pd.DataFrame, keys: Sequence[str]
+) -> dict[tuple[Any, ...], dict[str, float]]:
+    """The means over models of the differences of Change Percentages under the same draws, and their intervals."""
+    pairs = matched(rows, others, MEASURE, ["part", "level", "unit", "model", "repeat"])
+    mean_of = model_means_by(pairs, keys, [MEASURE])
+    return {
+        key: difference(mean_of[key][MEASURE], interval_of_mean(group, MEASURE))
+        for key, group in pairs.groupby(list(keys), sort=False)
+    }
 
 
 def _further_metrics(rows: pd.DataFrame) -> list[Column]:

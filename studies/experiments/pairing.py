@@ -41,8 +41,10 @@ def matched(rows: pd.DataFrame, others: pd.DataFrame, column: str, keys: Sequenc
 
     Parameters
     ----------
-    rows, others : DataFrame
-        of trials
+    rows : DataFrame
+        of trials, by one method or several; those by the other method are left out
+    others : DataFrame
+        of trials by the other method
     column : str
     keys : sequence of str
         columns that tell the rows of a method apart
@@ -50,20 +52,18 @@ def matched(rows: pd.DataFrame, others: pd.DataFrame, column: str, keys: Sequenc
     Returns
     -------
     DataFrame
-        the keys, and ``column`` with the difference; empty if ``rows`` are ``others``
+        segmenter, the keys, and ``column`` with the difference
 
     Examples
     --------
     >>> import pandas as pd
     >>> walk = pd.DataFrame({"segmenter": "walk", "model": ["ant", "cow"], "value": [3.0, 5.0]})
     >>> peer = pd.DataFrame({"segmenter": "peer", "model": ["cow", "dog"], "value": [4.0, 9.0]})
-    >>> matched(walk, peer, "value", ["model"]).to_dict("records")
-    [{'model': 'cow', 'value': 1.0}]
+    >>> matched(pd.concat([walk, peer]), peer, "value", ["model"]).to_dict("records")
+    [{'segmenter': 'walk', 'model': 'cow', 'value': 1.0}]
     """
-    names = [*keys, column]
-    if set(rows["segmenter"]) == set(others["segmenter"]):
-        return rows.iloc[:0][names]
-    pairs = rows[names].merge(others[names], on=list(keys), suffixes=("", "_of_other")).dropna(subset=[column])
+    mine = rows.loc[~rows["segmenter"].isin(others["segmenter"].unique()), ["segmenter", *keys, column]]
+    pairs = mine.merge(others[[*keys, column]], on=list(keys), suffixes=("", "_of_other"))
     pairs[column] = pairs[column].astype(float) - pairs.pop(f"{column}_of_other").astype(float)
     return pairs.dropna(subset=[column])
 

@@ -34,7 +34,7 @@ from studies.planning.trial import Trial
 from studies.planning.types import has_type
 from studies.reporting.text import count_of
 from studies.segmenters import Segmenter
-from studies.statistics.bootstrap import interval_of_mean
+from studies.statistics.bootstrap import interval_of_values
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -464,7 +464,7 @@ def _shares(by_time: pd.DataFrame, times: Sequence[float], criterion: str) -> pd
     """
     numbers = by_time[list(times)].dropna(how="all")
     if criterion == "share_of_times":
-        known = by_time[REFERENCE_TIME].dropna() if REFERENCE_TIME in by_time else by_time.iloc[:0, 0]
+        known = by_time.get(REFERENCE_TIME, by_time.iloc[:0].min(axis=1)).dropna()
         numbers = numbers[numbers.index.isin(known.index)]
         same = numbers.eq(known.reindex(numbers.index), axis=0).sum(axis=1) / numbers.notna().sum(axis=1)
     else:
@@ -474,10 +474,7 @@ def _shares(by_time: pd.DataFrame, times: Sequence[float], criterion: str) -> pd
 
 def _mean_and_interval(shares: pd.Series) -> tuple[float, float, float]:
     """The mean over models, and its interval."""
-    import pandas as pd
-
-    values = pd.DataFrame({"model": shares.index, "share": shares.to_numpy()})
-    return shares.mean(), *interval_of_mean(values, "share")
+    return shares.mean(), *interval_of_values(list(shares.to_numpy()[:, None]))
 
 
 def _difference(

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 RESAMPLES = 2000
 TOGETHER = 20  # resamples that are drawn at a time
+FEW = 500  # rows of which the models are found without pandas, which takes longer to begin
 TAILS = (0.025, 0.975)  # quantiles of the resampled means
 NO_INTERVAL = (math.nan, math.nan)
 
@@ -75,7 +76,11 @@ def interval_of_mean(rows: pd.DataFrame, column: str) -> tuple[float, float]:
     >>> interval_of_mean(rows, "value")
     (1.0, 3.0)
     """
-    values = _values_of_models(rows, column)
+    return interval_of_values(_values_of_models(rows, column))
+
+
+def interval_of_values(values: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+    """As `interval_of_mean`, of the values of the repeats of each model."""
     if sum(map(len, values)) < 2:
         return NO_INTERVAL
     if all(len(repeats) == 1 for repeats in values):
@@ -87,10 +92,16 @@ def _values_of_models(rows: pd.DataFrame, column: str) -> list[NDArray[np.float6
     """The values of each model, in the order of the models' names: ``rows.groupby("model")[column]``, but quicker."""
     import pandas as pd
 
+    values = rows[column].to_numpy(dtype=float)
+    if len(rows) <= FEW:
+        places: dict[str, list[int]] = {}
+        for i, name in enumerate(rows["model"].tolist()):
+            if isinstance(name, str):
+                places.setdefault(name, []).append(i)
+        return [values[places[name]] for name in sorted(places)]
     codes, _ = pd.factorize(rows["model"], sort=True)  # -1 where there is no name
     order = np.argsort(codes, kind="stable")[np.count_nonzero(codes < 0) :]
-    values = rows[column].to_numpy(dtype=float)[order]
-    return np.split(values, np.cumsum(np.bincount(codes[order]))[:-1]) if len(order) else []
+    return np.split(values[order], np.cumsum(np.bincount(codes[order]))[:-1]) if len(order) else []
 
 
 def _one_value_per_model(values: NDArray[np.float64]) -> tuple[float, float]:
