@@ -171,8 +171,8 @@ def interval_over_pairs(matrices: Sequence[NDArray[np.float64]]) -> tuple[float,
         n = len(values)
         present = ~np.isnan(values) & ~np.eye(n, dtype=bool)
         weight = rng.multinomial(n, np.full(n, 1 / n), size=RESAMPLES).astype(float)
-        totals += np.einsum("ri,ij,rj->r", weight, np.where(present, values, 0), weight)
-        counts += np.einsum("ri,ij,rj->r", weight, present.astype(float), weight)
+        totals += ((weight @ np.where(present, values, 0)) * weight).sum(axis=1)
+        counts += ((weight @ present.astype(float)) * weight).sum(axis=1)
     return quantile_interval(totals[counts > 0] / counts[counts > 0])
 
 
