@@ -228,12 +228,16 @@ class Poses(Experiment):
         """One row per shape, and one for all of them."""
         keys = by_segmenter(rows)
         groups = rows.groupby(keys, sort=False) if keys else [((), rows)]
-        others = rows_of(rows, self.paired_with)
+        differences = _differences(rows[rows["status"] == "ok"], self.paired_with)
         records = []
         for key, group in groups:
-            shapes = [_summary(str(shape), of_shape, others) for shape, of_shape in group.groupby("part", sort=False)]
+            pairs = None if differences is None else differences[differences["segmenter"].isin(group["segmenter"])]
+            shapes = [
+                _summary(str(shape), of_shape, None if pairs is None else pairs[pairs["part"] == shape])
+                for shape, of_shape in group.groupby("part", sort=False)
+            ]
             if len(shapes) > 1:
-                shapes.append(_summary(ALL_SHAPES, group, others))
+                shapes.append(_summary(ALL_SHAPES, group, pairs))
             records += [dict(zip(keys, key, strict=True)) | shape for shape in shapes]
         columns = (
             SEGMENTER,
@@ -371,7 +375,8 @@ def pair_matrices(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return matrices
 
 
-def _summary(shape: str, rows: pd.DataFrame, others: pd.DataFrame | None) -> dict[str, Any]:
+def _summary(shape: str, rows: pd.DataFrame, differences: pd.DataFrame | None) -> dict[str, Any]:
+    """What the rows of a shape by one method amount to, with the differences from another method, if there are any."""
     import pandas as pd
 
     good = rows[rows["status"] == "ok"]
@@ -384,7 +389,7 @@ def _summary(shape: str, rows: pd.DataFrame, others: pd.DataFrame | None) -> dic
         "mean": good["change_percentage"].mean(),
         "ci_low": low,
         "ci_high": high,
-        **({} if others is None else _difference(good, others[others["status"] == "ok"])),
+        **({} if differences is None else _difference(differences)),
         "median": good["change_percentage"].median(),
         "largest": good["change_percentage"].max(),
         "van_dongen": good["van_dongen"].mean(),
@@ -399,7 +404,12 @@ def _interval(rows: pd.DataFrame) -> tuple[float, float]:
     return interval_over_pairs([matrix.to_numpy() for matrix in pair_matrices(rows).values()])
 
 
-def _difference(rows: pd.DataFrame, others: pd.DataFrame) -> dict[str, float]:
-    """The mean over pairs of the difference of Change Percentages, and its interval."""
-    pairs = matched(rows, others, "change_percentage", ["part", "model", "other"])
-    return difference(pairs["change_percentage"].mean(), _interval(pairs.assign(status="ok")))
+def _differences(rows: pd.DataFrame, paired_with: str | None) -> pd.DataFrame | None:
+    """The differences of the Change Percentages of every method from those of one of them, between the same poses."""
+    others = rows_of(rows, paired_with)
+    return None if others is None else matched(rows, others, "change_percentage", ["part", "model", "other"])
+
+
+def _difference(differences: pd.DataFrame) -> dict[str, float]:
+    """The mean over pairs of the differences of Change Percentages, and its interval."""
+    return difference(differences["change_percentage"].mean(), _interval(differences.assign(status="ok")))

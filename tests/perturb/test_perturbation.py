@@ -63,7 +63,8 @@ RANDOM = [
 SHIPPED = sorted({example.name for example in EXAMPLES})
 # A perturbation that is added to the package is checked without being listed here.
 ADDED = [perturb.get(name)() for name in perturb.names() if name not in SHIPPED]
-LONGER = ("sampling",)  # takes several seconds; its own tests run the suite on one mesh
+# They take several seconds on the meshes of the suite. What is not slow runs the suite on one mesh, or on real ones.
+LONGER = ("sampling", "tessellation")
 every_example = pytest.mark.parametrize("perturbation", EXAMPLES, ids=repr)
 CONFIGS = sorted((Path(__file__).parents[2] / "conf" / "perturbation").glob("*.yaml"))
 
