@@ -17,13 +17,17 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 import uuid
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     import psutil
 
 MARK = "STUDIES_SUPERVISED_BY"  # environment variable, which the program's own children inherit
+POLL_SECONDS = 0.01
 ATTEMPTS = 10  # to kill all processes, some of which may be starting others
 
 
@@ -80,7 +84,7 @@ class ProcessTree:
             for process in alive:
                 with contextlib.suppress(psutil.Error):
                     process.kill()
-            psutil.wait_procs(alive, timeout=1)
+            wait_until_ended(alive, 1.0)
 
     def _alive(self) -> "list[psutil.Process]":
         import psutil
@@ -92,12 +96,28 @@ class ProcessTree:
             with contextlib.suppress(psutil.Error, OSError):  # not one of ours
                 if process.environ().get(MARK) == self._mark:
                     found.add(process)
-        alive = []
-        for process in found:
-            with contextlib.suppress(psutil.Error):
-                if process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
-                    alive.append(process)
-        return alive
+        return [process for process in found if is_alive(process)]
+
+
+def is_alive(process: "psutil.Process") -> bool:
+    """Whether a process has not ended, not even as a zombie, whose parent has not collected its exit code yet."""
+    import psutil
+
+    with contextlib.suppress(psutil.Error):
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    return False
+
+
+def wait_until_ended(processes: "Collection[psutil.Process]", timeout: float) -> "list[psutil.Process]":
+    """Wait for the end of processes, at most so many seconds; returns those that are still alive.
+
+    `psutil.wait_procs` waits until they have been collected. Orphans may never be in a container whose first process is
+    an ordinary program.
+    """
+    end = time.monotonic() + timeout
+    while (alive := list(filter(is_alive, processes))) and time.monotonic() < end:
+        time.sleep(POLL_SECONDS)
+    return alive
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from studies.execution.engine import TaskFailure, parse_bytes
 from studies.execution.fork_server import process_context
 from studies.execution.interruption import reason, traceback_of
 from studies.execution.process_tree import find_families, kill_processes, resident_memory, split_supervised
+from studies.execution.supervise_program import wait_until_ended
 
 POLL_SECONDS = 0.25  # between two measurements of the memory of the workers, each of which takes some 5 ms
 GRACE_SECONDS = 30.0  # in which the supervisors of a worker's programs end by themselves and clean up
@@ -273,8 +274,7 @@ class _Worker:
             with _exit_codes:
                 self._process.join()
             kill_processes(self._programs)
-            _, alive = psutil.wait_procs(self._supervisors, timeout=GRACE_SECONDS)
-            kill_processes(alive)
+            kill_processes(wait_until_ended(self._supervisors, GRACE_SECONDS))
             self._pipe.close()
         return self._process.exitcode
 

@@ -8,6 +8,7 @@ import sys
 import time
 
 import numpy as np
+import psutil
 from threadpoolctl import threadpool_info
 
 
@@ -37,6 +38,14 @@ def wait_for(condition, seconds=60):
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.02)
+
+
+def runs(pid):
+    """Whether a process has not ended, not even as a zombie that its parent, or its new one, has yet to collect."""
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 def square(x):

@@ -26,6 +26,7 @@ from tests.studies.execution.engines import (
     kill_the_dask_worker_at_three,
     outcomes_of,
     process,
+    runs,
     square,
     wait_for,
 )
@@ -156,7 +157,7 @@ def test_a_cluster_is_started_for_the_study_and_ends_with_it():
     engine = Dask(cluster={"_target_": "distributed.LocalCluster", **options})
     pids = {pid for _, pid in completed(engine, process, range(8))}
     assert len(pids) == 2
-    wait_for(lambda: not any(psutil.pid_exists(pid) for pid in pids))
+    wait_for(lambda: not any(runs(pid) for pid in pids))
 
 
 def test_tasks_of_a_worker_that_is_retired_run_on_another(scheduler, tmp_path):

@@ -25,6 +25,7 @@ from tests.studies.execution.engines import (
     hang_at_three,
     outcomes_of,
     process,
+    runs,
     square,
     wait_for,
 )
@@ -108,7 +109,7 @@ def test_a_task_whose_time_is_over_ends_with_the_programs_that_it_started(tmp_pa
     path = tmp_path / "pid"
     outcomes = outcomes_of(Local(workers=1, timeout=2), start_program_and_hang, [path])
     assert outcomes[path].status == "timeout"
-    wait_for(lambda: not psutil.pid_exists(int(path.read_text())))
+    wait_for(lambda: not runs(int(path.read_text())))
 
 
 class SlowToRead:
@@ -119,7 +120,7 @@ class SlowToRead:
 
 
 def slow_to_read():
-    time.sleep(0 if imported else 2)
+    time.sleep(0 if imported else 1)
     imported.append(True)
     return SlowToRead()
 
@@ -128,7 +129,7 @@ imported = []
 
 
 def test_imports_do_not_count_as_time_of_a_task():
-    assert map_ordered(Local(workers=1, timeout=1.5), type, [SlowToRead(), SlowToRead()]) == [SlowToRead, SlowToRead]
+    assert map_ordered(Local(workers=1, timeout=0.8), type, [SlowToRead(), SlowToRead()]) == [SlowToRead, SlowToRead]
 
 
 def test_a_task_that_takes_all_memory_costs_itself_only_and_ends_with_the_programs_that_it_started(tmp_path):
@@ -137,7 +138,7 @@ def test_a_task_that_takes_all_memory_costs_itself_only_and_ends_with_the_progra
     outcomes = outcomes_of(Local(workers=2, timeout=60, memory="700 MB"), fill_memory, [*large, *small])
     too_large = TaskFailure("crashed", "out of memory: it held more than trial.memory=700 MB")
     assert outcomes == dict.fromkeys(large, too_large) | {x: x for x in small}
-    wait_for(lambda: not psutil.pid_exists(int(program.read_text())))
+    wait_for(lambda: not runs(int(program.read_text())))
 
 
 hoard = []
@@ -153,7 +154,7 @@ def test_memory_that_a_worker_keeps_between_tasks_kills_it_only_during_a_task():
     try:
         pid = pool.outcome(pickle.dumps("large"))
         time.sleep(1)  # several measurements
-        assert psutil.pid_exists(pid)
+        assert runs(pid)
         assert pool.outcome(pickle.dumps("small")) == pid
     finally:
         pool.close()
@@ -364,7 +365,7 @@ def test_a_worker_that_hangs_ends_with_a_head_process_that_is_killed(tmp_path):
     wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
     head.kill()
     head.wait()
-    wait_for(lambda: not any(psutil.pid_exists(int(path.name)) for path in tmp_path.iterdir()))
+    wait_for(lambda: not any(runs(int(path.name)) for path in tmp_path.iterdir()))
 
 
 def test_workers_end_when_a_session_is_left_early():
@@ -372,7 +373,7 @@ def test_workers_end_when_a_session_is_left_early():
         for x in range(4):
             session.submit(x)
         pids = [pid for _, pid in session.wait()]
-    assert not any(psutil.pid_exists(pid) for pid in pids)
+    assert not any(runs(pid) for pid in pids)
 
 
 def test_a_process_that_forgets_to_close_its_pool_exits(interpreter, tmp_path):

@@ -6,7 +6,8 @@ import psutil
 import pytest
 
 from studies.execution.process_tree import find_families, kill_processes, resident_memory, split_supervised, supervised
-from tests.studies.execution.engines import wait_for
+from studies.execution.supervise_program import wait_until_ended
+from tests.studies.execution.engines import runs, wait_for
 
 SLEEP = "import time; time.sleep(600)"
 
@@ -17,13 +18,6 @@ sleep = [sys.executable, "-c", {SLEEP!r}]
 code = f"import subprocess; print(subprocess.Popen({{sleep}}, start_new_session=True, stdout=-3, stderr=-3).pid)"
 print(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout, os.getpid(), flush=True)
 """
-
-
-def is_alive(pid):
-    try:
-        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return False
 
 
 def start_supervised(folder, code):
@@ -41,14 +35,14 @@ def test_a_process_that_a_program_has_detached_ends_with_it_or_with_the_process_
     process, pids = start_supervised(folder, DETACH + ending)
     assert len(pids) == 2
     if ending:
-        assert all(map(is_alive, pids))
+        assert all(map(runs, pids))
         process.stdin.close()
         assert process.wait() == 1
         assert not folder.exists()
     else:
         assert process.wait() == 0
         assert folder.exists()
-    wait_for(lambda: not any(map(is_alive, pids)))
+    wait_for(lambda: not any(map(runs, pids)))
 
 
 @pytest.mark.parametrize(
@@ -79,7 +73,7 @@ def test_a_family_is_a_process_with_its_descendants_parents_first(tmp_path):
     finally:
         kill_processes(families[process.pid])
     process.wait()
-    wait_for(lambda: not is_alive(child))
+    wait_for(lambda: not runs(child))
     assert resident_memory(families[process.pid]) == 0
 
 
@@ -94,3 +88,15 @@ def test_supervisors_are_told_from_the_programs_that_nobody_supervises(tmp_path)
     other.kill()
     other.wait()
     process.communicate()
+
+
+def test_a_process_that_nobody_collects_has_ended():
+    process = subprocess.Popen([sys.executable, "-c", ""], stdin=subprocess.PIPE)
+    with subprocess.Popen([sys.executable, "-c", SLEEP]) as sleeping:
+        both = [psutil.Process(process.pid), psutil.Process(sleeping.pid)]
+        assert wait_until_ended(both[:1], 60) == []
+        assert both[0].status() == psutil.STATUS_ZOMBIE
+        assert wait_until_ended(both, 0.1) == both[1:]
+        sleeping.kill()
+    process.communicate()
+    assert wait_until_ended(both, 0) == []

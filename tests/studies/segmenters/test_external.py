@@ -2,17 +2,15 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
-import psutil
 import pytest
 
 from heatwalk.io import read_mesh
 from studies.execution import Local, TaskFailure
 from studies.segmenters import External, make_segmenter
 from tests.helpers.meshes import bundled
-from tests.studies.execution.engines import outcomes_of
+from tests.studies.execution.engines import outcomes_of, runs, wait_for
 
 # Labels by the side of the mesh on which a vertex, or a face, is.
 SIDES = """
@@ -128,23 +126,9 @@ time.sleep(600)
 """
 
 
-def wait_for(condition, seconds=20):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
 def wait_until_gone(note):
     *pids, folder = note.read_text().split()
     wait_for(lambda: not any(runs(int(pid)) for pid in pids) and not os.path.exists(folder))
-
-
-def runs(pid):
-    try:
-        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE  # dead, but not yet collected by its new parent
-    except psutil.NoSuchProcess:
-        return False
 
 
 class Segment:
