@@ -74,7 +74,8 @@ def import_as_on_windows(name, globals=None, locals=None, fromlist=(), level=0):
 
 
 original_import = builtins.__import__
-builtins.__import__ = import_as_on_windows
+if __name__ in ("__main__", "__mp_main__"):  # not where a test reads the names above
+    builtins.__import__ = import_as_on_windows
 
 
 def import_all():
