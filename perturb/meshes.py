@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # SciPy and trimesh take most of a second to import, which `i
     from scipy.sparse import coo_array
 
 
+FACES_AT_A_TIME = 1000
 MAX_EXPONENT = 300  # squares of lengths between 2^-300 and 2^300 can be added without underflow and overflow
 
 
@@ -270,4 +271,7 @@ def _all_degenerate(vertices: np.ndarray, faces: np.ndarray) -> bool:
     """Return whether no triangle has an area above rounding."""
     from perturb._normals import is_degenerate
 
-    return bool(is_degenerate(vertices, faces).all())
+    # On most meshes a proper triangle is among the first: the others need not be computed.
+    return all(
+        is_degenerate(vertices, faces[i : i + FACES_AT_A_TIME]).all() for i in range(0, len(faces), FACES_AT_A_TIME)
+    )

@@ -7,6 +7,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 import perturb
+from perturb import meshes
 from tests.helpers.meshes import bundled
 from tests.helpers.perturbing import normals, rng
 
@@ -94,3 +95,15 @@ def test_units_of_length_are_those_of_the_mesh():
     assert list(perturb.LENGTHS) == ["mean_edge_length", "bounding_box_diagonal"]
     assert perturb.LENGTHS["mean_edge_length"](COW) == pytest.approx(edges.mean(), rel=1e-12)
     assert perturb.LENGTHS["bounding_box_diagonal"](COW) == pytest.approx(np.sqrt((box**2).sum()), rel=1e-12)
+
+
+@pytest.mark.parametrize("n_degenerate", [0, 1, 999, 1000, 2500])
+def test_one_proper_triangle_makes_a_mesh_usable_wherever_it_is(n_degenerate):
+    vertices = np.vstack([np.eye(3), np.zeros(3)])
+    degenerate = np.tile([0, 1, 1], (n_degenerate, 1))
+    for faces in ([*degenerate, [0, 1, 2]], [[0, 1, 2], *degenerate]):
+        assert meshes.reason_unusable(meshes.as_trimesh(vertices, faces)) is None
+    if n_degenerate:
+        counts = f"4 vertices, {n_degenerate} faces"
+        unusable = meshes.as_trimesh(vertices, degenerate)
+        assert meshes.reason_unusable(unusable) == f"has only degenerate triangles ({counts})"
