@@ -112,7 +112,7 @@ class Publication:
     def _of_study(self, study: str, rows: pd.DataFrame) -> Mapping[str, Any]:
         """What is published about a study; nothing if the rows are of another perturbation or method."""
         entry = self._data["studies"].get(study, {})
-        perturbations = set(rows["perturbation"].dropna()) - {""}
+        perturbations = set(rows["perturbation"].dropna().unique()) - {""}
         if not self.is_about(rows) or ("perturbations" in entry and not perturbations <= {*entry["perturbations"]}):
             return {}
         return entry

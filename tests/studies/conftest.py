@@ -83,6 +83,12 @@ def wait_for_no_disk():
         yield
 
 
+@pytest.fixture(autouse=True)
+def search_path_of_its_own(monkeypatch):
+    """Studies add the current folder to ``sys.path``: after hundreds of tests every import would search hundreds."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+
+
 @pytest.fixture(scope="session", autouse=True)
 def read_configurations_once():
     """Composing a configuration takes most of the time of a command that has little to do."""

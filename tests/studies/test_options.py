@@ -71,11 +71,11 @@ def test_a_dry_run_says_what_there_is_to_do_and_writes_nothing(study, here, caps
     assert "6 trials" in out
     assert "6 to run; time left: unknown" in out
     assert [path.name for path in here.iterdir()] == ["ant.off"]
-    study("repeats=3", "levels=[0.1]", "+segmenter.seconds=0.5")
+    study("repeats=3", "levels=[0.1]", "+segmenter.seconds=0.01")
     _set_stored_seconds(here / "results" / FOLDER, 0.6)
     before = {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
     capsys.readouterr()
-    assert study("repeats=4", "dry_run=true", "+segmenter.seconds=0.5")
+    assert study("repeats=4", "dry_run=true", "+segmenter.seconds=0.01")
     out = said(capsys)
     assert "│ 1 │ 2 │ 4 │ 8 │ 3 │ 0 │ 5 │" in out
     assert "5 to run; time left, estimated from the stored trials: 0:00:03 of work" in out

@@ -99,7 +99,12 @@ def test_the_plotting_backend_of_a_notebook_does_not_matter(here, backend, pytho
     folder = here / "results" / "normal_noise" / "files"
     assert (folder / "normal_noise.png").exists()
     assert (folder / "gallery.png").exists()
-    assert python.run(here, ["studies.report"], MPLBACKEND=backend).returncode == 0
+
+
+def test_the_plotting_backend_of_a_notebook_does_not_matter_to_a_report(study, here, python):
+    assert study("repeats=1")
+    assert python.run(here, ["studies.report"], MPLBACKEND="TkNone").returncode == 0
+    assert (here / "results" / "README.md").exists()
 
 
 def test_where_compiled_code_is_cached_does_not_matter(here):
