@@ -22,6 +22,7 @@ def studies():
     return found
 
 
+@pytest.mark.slow  # all tables of all studies; `.ci/run` runs it
 def test_the_page_is_what_the_stored_trials_give(studies):
     assert (RESULTS / "README.md").read_text() == page(studies, RESULTS)
 
@@ -40,6 +41,7 @@ def test_boards_of_all_methods_come_first_and_long_tables_are_folded():
     )
 
 
+@pytest.mark.slow  # as above
 def test_tables_are_what_the_stored_trials_give(studies):
     for study in studies:
         for stem, table in study.tables.items():
