@@ -235,10 +235,7 @@ def copies_of_a_sphere(count, refinements):
     return sp.block_diag([stiffness] * count).tocsc(), np.tile(mass, count), np.sort(np.tile(one, count))
 
 
-@pytest.mark.parametrize(
-    ("count", "refinements", "limit"),
-    [(9, 3, 30), (12, 2, 20), (12, 2, 30), pytest.param(40, 2, 20, marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize(("count", "refinements", "limit"), [(9, 3, 30), (12, 2, 20), (12, 2, 30), (40, 2, 20)])
 def test_more_copies_of_an_eigenvalue_than_the_block_has_columns_are_all_found(count, refinements, limit):
     # Handed in as one component, so that 0 has ``count`` copies, and the first triple eigenvalue three times as many.
     stiffness, mass, every = copies_of_a_sphere(count, refinements)
@@ -259,9 +256,7 @@ def nearly_copies(count, refinements):
     )
 
 
-@pytest.mark.parametrize(
-    ("count", "refinements", "limit"), [(9, 3, 30), (12, 2, 20), pytest.param(40, 2, 20, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("count", "refinements", "limit"), [(9, 3, 30), (12, 2, 20), (40, 2, 20)])
 def test_crowds_of_eigenvalues_that_are_nearly_copies_are_all_found(count, refinements, limit):
     stiffness, mass, every = nearly_copies(count, refinements)
     found = SpectrumSolver(stiffness, mass, np.zeros(len(mass), dtype=int)).up_to(limit).eigenvalues[0]
@@ -269,9 +264,7 @@ def test_crowds_of_eigenvalues_that_are_nearly_copies_are_all_found(count, refin
 
 
 @pytest.mark.parametrize("crowd", [copies_of_a_sphere, nearly_copies])
-@pytest.mark.parametrize(
-    ("count", "refinements", "limit"), [(9, 3, 30), (12, 2, 30), pytest.param(40, 2, 20, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("count", "refinements", "limit"), [(9, 3, 30), (12, 2, 30), (40, 2, 20)])
 def test_the_probe_that_spares_a_repetition_finds_what_is_missing(crowd, count, refinements, limit, monkeypatch):
     monkeypatch.setattr(spectrum_module, "MANY_PAIRS", 0)
     stiffness, mass, every = crowd(count, refinements)

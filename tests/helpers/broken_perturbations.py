@@ -366,6 +366,18 @@ class ParametersChanged(Sound):
         return result
 
 
+class KeepsWhatItApplied(Sound):
+    """Each call of an equal perturbation is right, and so is the first application by one that is kept."""
+
+    name = "keeps_what_it_applied"
+
+    def apply(self, mesh, parameters):
+        factor = self.__dict__.setdefault("factor", [1.0])
+        result = super().apply(mesh, parameters | {"directions": factor[0] * parameters["directions"]})
+        factor[0] *= 2
+        return result
+
+
 class ParametersNotADict(Sound):
     name = "parameters_not_a_dict"
 

@@ -47,7 +47,7 @@ def boundary_loops(mesh):
         ("bunny", "irregular"),
         (124, "isotropic"),
         (203, "anisotropic"),
-        pytest.param(("armadillo", "isotropic"), marks=pytest.mark.slow),
+        ("armadillo", "isotropic"),
     ],
     ids=lambda param: f"{param[0]}-{param[1]}",
 )

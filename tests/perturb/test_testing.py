@@ -57,6 +57,7 @@ BROKEN = [
     ("RandomApply", "two runs with the seed 0 yield different results"),
     ("CallIsNotSampleAndApply", "apply with the parameters of sample yields another result than calling"),
     ("ParametersChanged", "apply changed its parameters"),
+    ("KeepsWhatItApplied", "apply with the parameters of sample yields another result than calling"),
     ("ParametersNotADict", "sample returned a ndarray"),
     ("NotNeutral", r"at the neutral amount 0\.0 the mesh or its order of vertices and faces changes"),
     ("ReordersWhenNeutral", r"at the neutral amount 0\.0 the mesh or its order of vertices and faces changes"),
@@ -80,6 +81,11 @@ def test_a_mistake_is_found_and_described(name, message, examples):
         check_perturbation(getattr(examples, name)())
     assert name in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_what_a_perturbation_keeps_is_found_on_a_single_mesh_too(examples):
+    with pytest.raises(AssertionError, match="apply with the parameters of sample yields another result"):
+        check_perturbation(examples.KeepsWhatItApplied(), [trimesh.creation.icosphere()])
 
 
 def test_every_contract_is_violated_by_a_broken_perturbation(examples):

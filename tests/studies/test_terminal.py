@@ -91,7 +91,10 @@ def test_a_study_goes_on_when_nobody_reads_its_output_any_more(here, python):
     assert (here / "results" / "normal_noise" / "files" / "table.csv").exists()
 
 
-@pytest.mark.parametrize("backend", ["module://matplotlib_inline.backend_inline", "module://no_such_module", "TkNone"])
+BACKENDS = ["module://matplotlib_inline.backend_inline", "module://no_such_module", "TkNone"]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_the_plotting_backend_of_a_notebook_does_not_matter(here, backend, python):
     words = [word for word in STUDY_SERIAL if not word.startswith("gallery")]
     done = python.run(here, ["studies.run", *words, "gallery.models=1"], MPLBACKEND=backend)
@@ -101,9 +104,10 @@ def test_the_plotting_backend_of_a_notebook_does_not_matter(here, backend, pytho
     assert (folder / "gallery.png").exists()
 
 
-def test_the_plotting_backend_of_a_notebook_does_not_matter_to_a_report(study, here, python):
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_plotting_backend_of_a_notebook_does_not_matter_to_a_report(study, here, backend, python):
     assert study("repeats=1")
-    assert python.run(here, ["studies.report"], MPLBACKEND="TkNone").returncode == 0
+    assert python.run(here, ["studies.report"], MPLBACKEND=backend).returncode == 0
     assert (here / "results" / "README.md").exists()
 
 
